@@ -82,11 +82,11 @@ def blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = Fa
             active_tab="Scene",
         ),
     )
-    shown, shares = [grain_view(focus, hidden=("/world/contacts",))], [8, 1]
+    views, shares = [grain_view(focus, hidden=("/world/contacts",))], [8, 1]
     if contacts:
-        shown.append(grain_view(focus, CHAINS, hidden=("/world/bed", "/world/mobile")))
+        views.append(grain_view(focus, CHAINS, hidden=("/world/bed", "/world/mobile")))
         shares = [4, 4, 1]
-    left = rrb.Vertical(*shown, image_view(LEGEND, "/legend"), row_shares=shares)
+    left = rrb.Vertical(*views, image_view(LEGEND, "/legend"), row_shares=shares)
     return with_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
 
 

@@ -76,8 +76,8 @@ def contact_table(networks: Sequence[ContactNetwork]) -> "xr.Dataset":
         return np.concatenate([getattr(one, name) for one in networks]) if networks else np.zeros(0)
 
     walls = networks[-1].walls if networks else ()
-    told = {"meaning": "row of the grain; of a wall -1 - its place in the attribute walls"}
-    scalars = {name: ("contact", column(name), told) for name in ("first", "second")}
+    columns = {"meaning": "row of the grain; of a wall -1 - its place in the attribute walls"}
+    scalars = {name: ("contact", column(name), columns) for name in ("first", "second")}
     vectors = {
         name: (("contact", "axis"), column(name).reshape(-1, 3), {"units": UNITS.get(name, "1")})
         for name in CONTACT_VECTORS
@@ -225,12 +225,12 @@ def write_walls(walls: Sequence[WallTrack], time: float, folder: Path, number: i
     moving = any(wall.poses for wall in walls)
     name = f"walls_{number:05d}.vtu" if moving else "walls.vtu"
     if moving or number == 0:
-        shown = [(place, wall, at) for place, wall in enumerate(walls) if (at := wall.at(time)) is not None]
-        before = np.cumsum([0, *(len(at) for _, _, at in shown)])
-        triangles = [wall.triangles + first for (_, wall, _), first in zip(shown, before, strict=False)]
-        of_wall = np.repeat([place for place, _, _ in shown], [len(wall.triangles) for _, wall, _ in shown])
+        tracks = [(place, wall, at) for place, wall in enumerate(walls) if (at := wall.at(time)) is not None]
+        before = np.cumsum([0, *(len(at) for _, _, at in tracks)])
+        triangles = [wall.triangles + first for (_, wall, _), first in zip(tracks, before, strict=False)]
+        of_wall = np.repeat([place for place, _, _ in tracks], [len(wall.triangles) for _, wall, _ in tracks])
         cells: Any = [("triangle", np.concatenate(triangles))]
-        vertices = np.concatenate([at for _, _, at in shown])
+        vertices = np.concatenate([at for _, _, at in tracks])
         meshio.Mesh(vertices, cells, cell_data={"wall": [of_wall]}).write(folder / name, "vtu")
     return name
 

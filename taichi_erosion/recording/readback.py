@@ -196,8 +196,8 @@ class WallTrack:
 
     def at(self, time: float) -> Singles | None:
         """Vertices at a time [s], [v, 3] m; None where the wall has been removed."""
-        known = [row for row in sorted(self.poses) if row <= time / NANOSECOND + 0.5]
-        pose = self.poses[known[-1]] if known else (np.eye(3, dtype=np.float32), np.zeros(3, np.float32))
+        times = [row for row in sorted(self.poses) if row <= time / NANOSECOND + 0.5]
+        pose = self.poses[times[-1]] if times else (np.eye(3, dtype=np.float32), np.zeros(3, np.float32))
         return None if pose is None else self.vertices @ pose[0].T + pose[1]
 
 

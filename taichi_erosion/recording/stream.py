@@ -383,9 +383,9 @@ def log_wall_removed(recording: Recording, name: str) -> None:
 
 def set_properties(recording: Recording, group: str, values: Mapping[str, Any]) -> None:
     """Write properties of the run (groups result, scene, doe): columns of rerun's table of runs. No None."""
-    known = {name: value for name, value in values.items() if value is not None}
-    if known:
-        recording.stream.send_property(group, rr.AnyValues(**known))
+    properties = {name: value for name, value in values.items() if value is not None}
+    if properties:
+        recording.stream.send_property(group, rr.AnyValues(**properties))
 
 
 def flush(recording: Recording) -> None:
@@ -399,8 +399,8 @@ def flush(recording: Recording) -> None:
         # the program leaves without waiting for the writer that has ended, at exit and with its stream
         atexit.unregister(rr.rerun_shutdown)
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(recording.stream))
-        kept = f"{part_path(recording.path)} holds the beginning"
-        raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
+        message = f"{part_path(recording.path)} holds the beginning"
+        raise BadInput(f"{recording.path}: cannot be written to its end; {message}") from None
 
 
 def close(recording: Recording, properties: Mapping[str, Mapping[str, Any]] | None = None) -> Path:

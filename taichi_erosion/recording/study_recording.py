@@ -48,8 +48,8 @@ def record_study(path: Path, page: StudyPage) -> Path:
     films = {}
     for run in page.runs:
         frames = read_grains(run.recording)
-        kept = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
-        films[run.name] = [frames[k] for k in kept]
+        rows = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
+        films[run.name] = [frames[k] for k in rows]
     recording = open_stream(path, page.title, study_blueprint(page, films), APPLICATION)
     stream = recording.stream
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

@@ -105,8 +105,8 @@ def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
     """Serve the viewer on the loopback interface, with a recording or waiting for one."""
     with readable(path) if path else nullcontext() as whole:
         page, sink = free_port(), free_port()
-        shown = [whole.resolve()] if whole else []
-        with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *shown):
+        files = [whole.resolve()] if whole else []
+        with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *files):
             wait_until(
                 lambda: is_listening(page) and is_listening(sink), START_LIMIT, "the web viewer did not start"
             )

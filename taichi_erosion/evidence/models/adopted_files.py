@@ -106,10 +106,12 @@ def study_text(study: Study, adoption: Adoption) -> str:
     return text
 
 
-def write_scene(scene: Path, path: Path, study: Study, adoption: Adoption, own: Sequence[EffectFile]) -> Path:
-    """Write a scene with the effects, their files, and those calibrated numbers that it has."""
+def write_scene(
+    scene: Path, path: Path, study: Study, adoption: Adoption, more: Sequence[EffectFile]
+) -> Path:
+    """Write a scene with the effects, their more, and those calibrated numbers that it has."""
     text = without_mark(file_text(scene, str(scene)))
-    text = with_effect_files(text, "scene", scene.parent, own)
+    text = with_effect_files(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
         text = with_entry(
             text, ("effects", name, "strength"), round_number(strength.value), interval_comment(strength)

@@ -142,9 +142,9 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
-    wanted, known = file.candidates.mechanisms, mechanism_rows()
-    if missing := [name for name in wanted or () if name not in known]:
-        raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}")
+    wanted, library = file.candidates.mechanisms, mechanism_rows()
+    if missing := [name for name in wanted or () if name not in library]:
+        raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(library)}")
     problem = Problem(
         measurements=measurements,
         observables={
@@ -183,9 +183,9 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
     added = function_effects(path, files, plugin.mechanisms)
-    own = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in added.items()}
-    adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
-    candidates = candidates_of(file, str(path), own)
+    listed = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in added.items()}
+    adopted = tuple(candidate_of(name, entry, listed.get(name)) for name, entry in file.adopted.items())
+    candidates = candidates_of(file, str(path), listed)
     values = FunctionModel(plugin, identity, store, file.budget.runs, added)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
@@ -238,10 +238,10 @@ def candidates_of(file: StudyFile, name: str, own_candidates: Mapping[str, Candi
 
 
 def candidate_of(
-    name: str, entry: CandidateEntry | AdoptedEntry, known: Candidate | None = None
+    name: str, entry: CandidateEntry | AdoptedEntry, candidate: Candidate | None = None
 ) -> Candidate:
     """An effect with what the study states of it, and what its file says otherwise."""
-    return with_stated(known or Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
+    return with_stated(candidate or Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

@@ -61,9 +61,9 @@ class Plugin:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
         at = {name: column.copy() for name, column in conditions.items()}  # which it may write to
         with name_failures(self.name, observable):
-            found = self.function(observable, at, parameters, effects, seeds)
+            values = self.function(observable, at, parameters, effects, seeds)
         shape = (len(seeds), row_count(conditions))
-        return checked_array(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
+        return checked_array(values, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
     def own_covariance(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers
@@ -72,10 +72,10 @@ class Plugin:
         assert self.covariance is not None
         at = {name: column.copy() for name, column in conditions.items()}
         with name_failures(self.name + COVARIANCE, observable):
-            found = self.covariance(observable, at, parameters, effects)
+            covariance = self.covariance(observable, at, parameters, effects)
         rows = row_count(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
-        return checked_array(found, (rows, rows), "(conditions, conditions)", where)
+        return checked_array(covariance, (rows, rows), "(conditions, conditions)", where)
 
 
 @contextlib.contextmanager
@@ -91,14 +91,14 @@ def name_failures(name: str, observable: str) -> Iterator[None]:
         raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
 
 
-def checked_array(found: object, shape: tuple[int, int], meant: str, where: str) -> Floats:
+def checked_array(result: object, shape: tuple[int, int], axes: str, where: str) -> Floats:
     """Result of a model function as an array of the promised shape; raises BadInput."""
     try:
-        values = np.asarray(found, dtype=np.float64)
+        values = np.asarray(result, dtype=np.float64)
     except (TypeError, ValueError):
-        raise BadInput(f"{where}: returned {type(found).__name__}; an array of numbers is needed") from None
+        raise BadInput(f"{where}: returned {type(result).__name__}; an array of numbers is needed") from None
     if values.shape != shape:
-        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: {meant}")
+        raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: {axes}")
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -117,11 +117,11 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
 
 def declared_mechanisms(declaration: object, where: str) -> tuple[Mechanism, ...]:
     """Mechanisms of a model function with their doses. Raises BadInput."""
-    known = mechanism_rows()
+    library = mechanism_rows()
     if not isinstance(declaration, Mapping):
         raise BadInput(f"{where}: is not a table from mechanism to (least, largest) dose")
     for name, ends in declaration.items():
-        if name not in known:
+        if name not in library:
             raise BadInput(f"{where}: '{name}' is no mechanism; `effects --mechanisms` lists them")
         if not (isinstance(ends, Sequence) and len(ends) == 2 and ends[0] <= 0.0 < ends[1]):
             raise BadInput(f"{where}: {name} = {ends!r}; least and largest dose are needed, 0 among them")
@@ -137,9 +137,9 @@ def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
             if beside.is_file():
                 tell_execution(beside, study)
                 return module_of_file(name, beside)
-            found = importlib.util.find_spec(package)
-            if found is not None and found.origin is not None and package != OURS:
-                tell_execution(Path(found.origin), study)
+            spec = importlib.util.find_spec(package)
+            if spec is not None and spec.origin is not None and package != OURS:
+                tell_execution(Path(spec.origin), study)
             return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
@@ -197,8 +197,8 @@ class NameMapping:
     ) -> Floats:
         """Predictions [seed, row]."""
         assert self.model is not None
-        known = self.model_conditions(conditions)
-        return self.model(self.observables[observable], known, parameters, effects, seeds)
+        at = self.model_conditions(conditions)
+        return self.model(self.observables[observable], at, parameters, effects, seeds)
 
     def model_conditions(self, conditions: Conditions) -> Conditions:
         """Conditions that any row states, by the names of the model."""
@@ -213,15 +213,15 @@ class ModelErrorCovariance:
     mapped: NameMapping
     seed: int  # of the value at which the scale is taken
 
-    def __call__(self, asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
+    def __call__(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance [row, row]; those of two observables are apart, and a dose changes none."""
         parts = []
-        for observable, conditions, _ in asked:
-            name, known = self.mapped.observables[observable.name], self.mapped.model_conditions(conditions)
+        for observable, conditions, _ in queries:
+            name, at = self.mapped.observables[observable.name], self.mapped.model_conditions(conditions)
             value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
             steepness = slope(observable, value)
-            own = self.plugin.own_covariance(name, known, parameters, effects)
-            parts.append(own * np.outer(steepness, steepness))
+            covariance = self.plugin.own_covariance(name, at, parameters, effects)
+            parts.append(covariance * np.outer(steepness, steepness))
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
 
 
@@ -241,8 +241,8 @@ def read_through(
     params, read = effect.params(), values.copy()
     with failures_of(effect, "act"):
         for seed, row in np.ndindex(values.shape):
-            known, value = known_at(conditions, row), float(values[seed, row])
-            read[seed, row] = checked_number(effect, effect.act(params, strength, known, observable, value))
+            at, value = known_at(conditions, row), float(values[seed, row])
+            read[seed, row] = checked_number(effect, effect.act(params, strength, at, observable, value))
     return read
 
 

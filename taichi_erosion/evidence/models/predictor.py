@@ -90,8 +90,8 @@ class Predictor:
         parameters, effects = self.setting(x, acting)
         result = np.empty((seeds.size, self.which.size))
         for observable, rows, chosen in self.requests:
-            own: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
-            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(own), seeds)
+            strengths: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
+            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(strengths), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         self.cost.runs += int(seeds.size * self.which.size)
         return np.where(np.isfinite(result), result, np.nan)
@@ -106,12 +106,12 @@ class Predictor:
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
         parameters, effects = self.setting(x, acting)
-        asked = [
+        queries = [
             (observable, dict(chosen), {name: dose[rows] for name, dose in (doses or {}).items()})
             for observable, rows, chosen in self.requests
         ]
         order = np.argsort(np.concatenate([rows for _, rows, _ in self.requests]))
-        whole = np.nan_to_num(self.uncertainty(asked, parameters, effects))[np.ix_(order, order)]
+        whole = np.nan_to_num(self.uncertainty(queries, parameters, effects))[np.ix_(order, order)]
         return square_root(whole, order.size if exact is None else exact, NEGLIGIBLE)
 
 
@@ -122,12 +122,12 @@ def square_root(kernel: Floats, exact: int, least: float) -> Floats:
     of these, or of any other, does not depend on what else is asked.
     """
     values, vectors = np.linalg.eigh(kernel[:exact, :exact])
-    kept = values > least * max(float(values[-1]), 0.0)
-    size, vectors = np.sqrt(values[kept]), vectors[:, kept]
+    large = values > least * max(float(values[-1]), 0.0)
+    size, vectors = np.sqrt(values[large]), vectors[:, large]
     others = kernel[exact:, :exact] @ (vectors / size)
-    values, own = np.linalg.eigh(kernel[exact:, exact:] - others @ others.T)
+    values, vectors_of_rest = np.linalg.eigh(kernel[exact:, exact:] - others @ others.T)
     none = np.zeros((exact, values.size))
-    return np.block([[vectors * size, none], [others, own * np.sqrt(np.maximum(values, 0.0))]])
+    return np.block([[vectors * size, none], [others, vectors_of_rest * np.sqrt(np.maximum(values, 0.0))]])
 
 
 def seed_mean(values: Floats) -> Floats:

@@ -118,10 +118,10 @@ class PreparedProblem:
         return working(self.white(self.rows.z - mean), self.rows.reach / self.sd)
 
     def model_errors(
-        self, x: Floats, acting: Numbers, doses: Conditions | None = None, known: int | None = None
+        self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        predicted = self.predictor.model_errors(x, acting, doses, known)
+        predicted = self.predictor.model_errors(x, acting, doses, exact)
         if self.condition_errors is None:
             return predicted
         parts = [np.zeros((self.predictor.which.size, 0))]
@@ -192,10 +192,10 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
 
     The runs of a usual answer stay within the budget.
     """
-    known, count = rows.known, 1
-    if noisy and known.any():
+    finite, count = rows.known, 1
+    if noisy and finite.any():
         numbers = len(problem.parameters) + len(problem.adopted)
-        share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
+        share = float(np.nanmedian(variance[finite] / np.maximum(rows.variance[finite], UNKNOWN_NOISE)))
         settings = MOST_SETTINGS if problem.runs is None else problem.runs / max(rows.size, 1)
         most = settings / usual_settings(numbers, len(problem.candidates))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
@@ -221,9 +221,9 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
     """
     uncertain, change = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
     conditions = {key: column[uncertain] for key, column in predictor.conditions.items()}
-    names, which, stated = predictor.observables, predictor.which[uncertain], conditions[name]
-    least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
-    ends = [np.maximum(stated - sd[uncertain], least), stated + sd[uncertain]]
+    names, which, values = predictor.observables, predictor.which[uncertain], conditions[name]
+    least = 0.0 if np.nanmin(values) >= 0.0 else -np.inf
+    ends = [np.maximum(values - sd[uncertain], least), values + sd[uncertain]]
     seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
     parts = [predictor.over(names, which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict(x, acting, seeds) for part in parts)

@@ -36,10 +36,10 @@ class RunStore:
     def fetch(self, keys: list[bytes]) -> dict[bytes, Floats]:
         """Values of those runs that have been made."""
         values = {key: self.pending[key] for key in keys if key in self.pending}
-        asked = [key for key in dict.fromkeys(keys) if key not in values]
-        if asked and (self.database is not None or self.file.exists()):
-            marks = ", ".join("?" * len(asked))
-            rows = self.connect().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", asked)
+        absent = [key for key in dict.fromkeys(keys) if key not in values]
+        if absent and (self.database is not None or self.file.exists()):
+            marks = ", ".join("?" * len(absent))
+            rows = self.connect().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", absent)
             values |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
         return values
 

@@ -77,10 +77,10 @@ class Simulator:
         acting = {name: psi for name, psi in effects.items() if psi != 0.0 and able(name, scene, at)}
         present = {*acting, *self.acting_effects(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
-        known = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
+        finite = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
         entries = {
             path: value
-            for path, value in (known | dict(parameters)).items()
+            for path, value in (finite | dict(parameters)).items()
             if path in measure.accepted_paths and parameter_matters(path, present)
         }
         for name, psi in acting.items():
@@ -120,9 +120,9 @@ class Simulator:
 
     def effect_mask(self, effect: Effect, columns: Conditions, scene: Path) -> Bools:
         """Rows in which an effect can act; what a row leaves out is as the scene states it."""
-        known = self.known_conditions(columns, scene)
+        conditions = self.known_conditions(columns, scene)
         with failures_of(effect, "can_act"):
-            return np.broadcast_to(np.asarray(effect.can_act(known), dtype=np.bool_), row_count(columns))
+            return np.broadcast_to(np.asarray(effect.can_act(conditions), dtype=np.bool_), row_count(columns))
 
     def known_conditions(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
@@ -184,8 +184,8 @@ def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
         return float("nan")
     factor = conversion(parse_unit(unit), parse_unit(measure.unit))
     if factor is None:
-        told = f"{measure.scene}: {measure.measure} is measured in {unit}"
-        raise BadInput(f"{told}, the study counts {measure.unit}")
+        message = f"{measure.scene}: {measure.measure} is measured in {unit}"
+        raise BadInput(f"{message}, the study counts {measure.unit}")
     return factor * result.value(measure.measure)
 
 
@@ -198,8 +198,8 @@ def study_simulator(
     scenes = {name: (path.parent / str(each.scene)).resolve() for name, each in file.observables.items()}
     read = [cached_scene(scene, (), effect_files) for scene in sorted({*scenes.values()})]
     files = tuple(dict.fromkeys((*effect_files, *(each for one in read for each in scene_effect_files(one)))))
-    own = tuple(effect_in(each).name for each in effect_files)
-    simulator = Simulator({}, load_library(files), folder, files, own, device=file.campaign)
+    names = tuple(effect_in(each).name for each in effect_files)
+    simulator = Simulator({}, load_library(files), folder, files, names, device=file.campaign)
     numbers = scene_numbers(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
@@ -207,8 +207,8 @@ def study_simulator(
         scene, measure = scenes[name], entry.measure or name
         there = simulator.scene(scene).measure
         if measure not in there:
-            found = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
-            raise BadInput(f"{path}: observables.{name}: {found}")
+            message = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
+            raise BadInput(f"{path}: observables.{name}: {message}")
         refusals |= {(scene, n): refusal(scene, n, value, files) for n, value in numbers.items()}
         accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
         measures[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
@@ -220,11 +220,11 @@ def study_simulator(
 
 def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
     """Numbers that the study sets in scenes, each with a value that it will have."""
-    found: Numbers = {}
+    numbers: Numbers = {}
     for name, paths in file.conditions.items():
-        known = table.conditions[name][np.isfinite(table.conditions[name])]
-        found |= {path: float(known[0]) for path in dotted_paths(paths) if known.size}
-    return found | {name: entry.start for name, entry in file.parameters.items()}
+        finite = table.conditions[name][np.isfinite(table.conditions[name])]
+        numbers |= {path: float(finite[0]) for path in dotted_paths(paths) if finite.size}
+    return numbers | {name: entry.start for name, entry in file.parameters.items()}
 
 
 def refusal(scene: Path, number: str, value: float, files: EffectFiles) -> str | None:
@@ -264,17 +264,17 @@ def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Can
     present = {each.name for each in tried}.union(file.adopted, *acting)
     read = {name for effect in present for name in simulator.library[effect].reads}
     for name, paths in file.conditions.items():
-        own = {condition_name(path) for path in dotted_paths(paths)}
-        able = ", ".join(key for key, effect in simulator.library.items() if own & {*effect.reads})
-        told = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
+        names = {condition_name(path) for path in dotted_paths(paths)}
+        able = ", ".join(key for key, effect in simulator.library.items() if names & {*effect.reads})
+        remedy = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
         if not any(condition_matters(path, read) for path in dotted_paths(paths)):
-            yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {told}."
+            yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 
 def library_candidate(simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
     """One effect; the study overrides the library."""
-    known = Candidate(name, simulator.library[name].prior_scale, simulator.library[name].most)
-    return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
+    candidate = Candidate(name, simulator.library[name].prior_scale, simulator.library[name].most)
+    return with_stated(candidate, prior_scale=entry.prior_scale, maximum=entry.max)
 
 
 def uncertain_parameters(
@@ -298,8 +298,8 @@ def uncertain_parameters(
         levels = {tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)}
         for name, sd in effect.uncertain.items() if len(levels) > 1 else ():
             path = f"effects.{effect.name}.{name}"
-            stated = (simulator.stated_numbers(m.scene, effect.name) for m in simulator.measures.values())
-            start = next((entry[name] for entry in stated if name in entry), getattr(effect.params(), name))
+            entries = (simulator.stated_numbers(m.scene, effect.name) for m in simulator.measures.values())
+            start = next((entry[name] for entry in entries if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
                 parameters.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
     return tuple(parameters)

@@ -48,12 +48,12 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
     units_of: dict[str, str] = {}
     for name, paths in columns.items():
         units = {each: unit_of_place(each, library, declared) for each in paths}
-        known = {unit for unit in units.values() if unit is not None}
-        if len(known) > 1:
-            told = ", ".join(f"{each} in {unit}" for each, unit in units.items())
-            raise BadInput(f"{path}: conditions.{name} sets places of several units: {told}")
-        if known:
-            units_of[name] = known.pop()
+        names = {unit for unit in units.values() if unit is not None}
+        if len(names) > 1:
+            message = ", ".join(f"{each} in {unit}" for each, unit in units.items())
+            raise BadInput(f"{path}: conditions.{name} sets places of several units: {message}")
+        if names:
+            units_of[name] = names.pop()
     return units_of
 
 
@@ -109,12 +109,15 @@ def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[
             continue
         path = dotted_paths(paths)[0]
         if scenes:
-            stated = (at_path(scene, path) for scene in scenes)
-            allowed, own = place_range(path), next((float(n) for n in stated if type(n) in (int, float)), nan)
+            values = (at_path(scene, path) for scene in scenes)
+            allowed, value = (
+                place_range(path),
+                next((float(n) for n in values if type(n) in (int, float)), nan),
+            )
         else:
-            stated = table.units[table.conditions.index(name)]
-            allowed, own = place_range(f"conditions.{path}") if stated else None, nan
-        yield from column_faults(table, name, allowed, own, usual=bool(scenes))
+            unit = table.units[table.conditions.index(name)]
+            allowed, value = place_range(f"conditions.{path}") if unit else None, nan
+        yield from column_faults(table, name, allowed, value, usual=bool(scenes))
     for name, entry in file.observables.items():
         yield from column_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
@@ -179,12 +182,12 @@ def condition_columns(
     """
     readable = understand_columns(cells, told_by(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in readable if c.role == "condition" and c.title in file.conditions}
-    own = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
+    kinds = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
     there = ", ".join(file.conditions)
     faults += [
         f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave it out"
         for c in readable
-        if c.role in own
+        if c.role in kinds
         and c.title not in columns
         and (c.role == "condition" or (c.numeric and c.heading.unit))
     ]
@@ -211,12 +214,12 @@ def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -
     return Table(cells.file, tuple(columns), units, tuple(rows))
 
 
-def constant_value(cells: Cells, name: str, known: Measurements) -> float:
+def constant_value(cells: Cells, name: str, measurements: Measurements) -> float:
     """The study's only value of a condition that the table leaves out; raises BadInput for several."""
-    column = known.conditions[name]
+    column = measurements.conditions[name]
     values = np.unique(column[np.isfinite(column)])
     if values.size > 1:
-        span = " to ".join(known.table_units.condition_text(name, float(values[k])) for k in (0, -1))
+        span = " to ".join(measurements.table_units.condition_text(name, float(values[k])) for k in (0, -1))
         raise BadInput(f"{cells.file}: no column sets {name}, which the study varies from {span}; add it")
     return float(values[0]) if values.size else np.nan
 

@@ -127,8 +127,8 @@ def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
         return f"{words}."
     if verdict == "outside_library" or record.refuted:
         curve = f"{voc.command('report', voc.study)} draws the curve; " * bool(record.curves)
-        own = voc.command("effects", "new", "NAME")
-        return f"{curve}{own} makes an effect of your own, and `adopt` tests it."
+        command = voc.command("effects", "new", "NAME")
+        return f"{curve}{command} makes an effect of your own, and `adopt` tests it."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
     return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
@@ -140,8 +140,9 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     if named and sure:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
     elif sure:
-        own = voc.command("effects", "new", "NAME", *(["--from-discovery", voc.results] * bool(record.law)))
-        yield f"{own} writes {say.join_words(sure)} as an effect of your own, and `adopt` tests it"
+        origin = ["--from-discovery", voc.results] * bool(record.law)
+        words = voc.command("effects", "new", "NAME", *origin)
+        yield f"{words} writes {say.join_words(sure)} as an effect of your own, and `adopt` tests it"
     if either:
         names = say.join_words(either)
         yield f"{voc.command('next', voc.study)} asks which measurements tell {names} apart"
@@ -179,10 +180,10 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
         last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
-    left = f"what is left is chance ({say.chance(held.p_after)})"
-    first = f"The error falls with {names}: {change} on {rows}; {left}."
+    remainder = f"what is left is chance ({say.chance(held.p_after)})"
+    first = f"The error falls with {names}: {change} on {rows}; {remainder}."
     if after >= before:
-        first = f"The {rows} hardly test {names}: their error goes {change}; {left}."
+        first = f"The {rows} hardly test {names}: their error goes {change}; {remainder}."
     last = f"Go on with {voc.written}: {voc.command('compare', voc.written)} shows the model with it"
     return first, numbers(record, before=False, without=names), last
 
@@ -221,13 +222,13 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         if not part_words.testable(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim(Answer((words,), (), (), None), record)
-    shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
-    told = [*map(short, shown), *([count_noun(more, "other explanation")] if more > 0 else [])]
-    words = say.join_words(told, "from" if len(told) == 2 else "and")
+    leading, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
+    names = [*map(short, leading), *([count_noun(more, "other explanation")] if more > 0 else [])]
+    words = say.join_words(names, "from" if len(names) == 2 else "and")
     last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
-    expects = (f"expected by {short(key)}" for key in shown)
+    expects = (f"expected by {short(key)}" for key in leading)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
-    rows = tuple(experiment_row(each, shown, voc) for each in record.next_experiments)
+    rows = tuple(experiment_row(each, leading, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
     return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
@@ -321,8 +322,8 @@ def value_cells(row: PredictedPart, units: TableUnits) -> Iterator[str]:
 
 def outside_text(row: PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
-    told = [f"{n} beyond {with_unit(plain(x, 4), row.condition_units[n])}" for n, x in row.outside.items()]
-    return ", ".join(told + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
+    ends = [f"{n} beyond {with_unit(plain(x, 4), row.condition_units[n])}" for n, x in row.outside.items()]
+    return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
 
 
 ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {

@@ -53,12 +53,12 @@ def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.A
     return {name: answer(records[name], voc) for name, answer in lines.ANSWERS.items() if name in records}
 
 
-def page_lines(found: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:
+def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:
     """The lead, what is missing, does it hold, what next; a line that several commands tell stands once."""
-    told = next(found[name] for name in ("discover", lead) if name in found)
-    held, proposed = found.get("adopt", told), found["next"].lines if "next" in found else ()
-    unseen = held.missing if held is not told else ()
-    parts = found[lead].missing[:1], told.missing, (*unseen, *held.holds), (*held.following, *proposed)
+    answer = next(answers[name] for name in ("discover", lead) if name in answers)
+    held, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
+    unseen = held.missing if held is not answer else ()
+    parts = answers[lead].missing[:1], answer.missing, (*unseen, *held.holds), (*held.following, *proposed)
     seen: set[str] = set()
     return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
 
@@ -81,16 +81,17 @@ def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
     """Explanations with their probabilities, the likeliest first; small ones together."""
     ranked = sorted(record.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
-    shown = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
-    for label, p in [*shown, *([(count_noun(len(small), "other explanation"), sum(small))] if small else [])]:
+    likely = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
+    rest = [(count_noun(len(small), "other explanation"), sum(small))] if small else []
+    for label, p in [*likely, *rest]:
         yield label, p, probability(p)
 
 
 def model_line(model: str, record: Record) -> str:
     """What answers in place of the soil: formulas, a function of the user, or simulated scenes."""
-    name, told = model.partition(" ")[0], dict.fromkeys(record.rows.observable)
+    name, observables = model.partition(" ")[0], dict.fromkeys(record.rows.observable)
     if name.startswith(CLOSED_FORM):
-        formulas = "; ".join(FORMULAS[each] for each in told if each in FORMULAS)
+        formulas = "; ".join(FORMULAS[each] for each in observables if each in FORMULAS)
         return f"The model is a formula, times the shifts of the effects: {formulas}."
     if ":" in name:
         return f"The model is the function {name}."
@@ -100,5 +101,5 @@ def model_line(model: str, record: Record) -> str:
 def methods(record: Record, model: str = "") -> tuple[str, ...]:
     """The model, and how the answer was found."""
     settings, runs = count_noun(record.settings, "setting"), count_noun(record.runs, "run")
-    told = (each.format(sure=SURE, seed=record.seed, settings=settings, runs=runs) for each in METHODS)
-    return *([model_line(model, record)] if model else []), *told
+    sentences = (each.format(sure=SURE, seed=record.seed, settings=settings, runs=runs) for each in METHODS)
+    return *([model_line(model, record)] if model else []), *sentences

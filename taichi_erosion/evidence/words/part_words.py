@@ -309,11 +309,11 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
 
 def refusal(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
-    best, found = record.refuted, [record.effects[name] for name in record.refuted]
+    best, parts_of_best = record.refuted, [record.effects[name] for name in record.refuted]
     why = "the rows contradict its law: it acts in another way, or something else acts"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
-    elif strong := [part for part in found if part.strength > part.most]:
+    elif strong := [part for part in parts_of_best if part.strength > part.most]:
         size = f"{say.interval(strong[0].interval)}, where the list ends at {plain(strong[0].most, 2)}"
         why = f"with a strength of {size}: check the units, or something else acts"
     names = say.join_words(map(voc.effect_title, best))

@@ -36,12 +36,12 @@ def run_table(document: Document) -> Table:
     """Simulated and measured values with their difference, one row a measure."""
     simulated, measured, rows = document["measures"], document["measured"], []
     for name in dict.fromkeys((*simulated, *measured)):
-        found, wanted = simulated.get(name, {}), measured.get(name, {})
-        got, want = (nan if each.get("value") is None else each["value"] for each in (found, wanted))
+        measure, wanted = simulated.get(name, {}), measured.get(name, {})
+        got, want = (nan if each.get("value") is None else each["value"] for each in (measure, wanted))
         share = f" ({(got - want) / want:+.0%})" if want else ""
         gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
-        title = heading(quantity(name), found.get("unit") or wanted.get("unit") or "")
-        rows.append((title, with_deviation(found, len(document["replicas"])), with_deviation(wanted), gap))
+        title = heading(quantity(name), measure.get("unit") or wanted.get("unit") or "")
+        rows.append((title, with_deviation(measure, len(document["replicas"])), with_deviation(wanted), gap))
     return Table("", COLUMNS, tuple(rows))
 
 
@@ -84,8 +84,8 @@ def known_deviation(sd: float | None) -> float:
 
 def steadiness(document: Document) -> Iterator[str]:
     """Where the window begins in which transport was steady, once for all measures that share it."""
-    for found in document["measures"].values():
-        shared, lacking = found.get("details", {}), {each["flag"] for each in found.get("shortfalls", ())}
+    for measure in document["measures"].values():
+        shared, lacking = measure.get("details", {}), {each["flag"] for each in measure.get("shortfalls", ())}
         if "window_start" in shared and "unsteady" not in lacking:
             start, balance = plain(shared["window_start"], 2), plain(shared["stress_over_wind"], 3)
             carried = f"air and grains together carry {balance} of the stress of the wind"
@@ -95,15 +95,15 @@ def steadiness(document: Document) -> Iterator[str]:
 def run_warnings(document: Document) -> list[str]:
     """What the set-up lacks for its measures, and what went wrong: each once, the gravest first."""
     lacking: dict[str, list[tuple[str, Document]]] = {}
-    for name, found in document["measures"].items():
-        for each in found.get("shortfalls", ()):
+    for name, measure in document["measures"].items():
+        for each in measure.get("shortfalls", ()):
             if not each["stated"]:
                 lacking.setdefault(each["flag"], []).append((name, each))
-    told = sorted(lacking.values(), key=lambda own: not own[0][1]["blocks"])
+    groups = sorted(lacking.values(), key=lambda group: not group[0][1]["blocks"])
     counts = Counter(line for replica in document["replicas"] for line in replica.get("warnings", ()))
     among = len(document["replicas"])
     return [
-        *(f"{', '.join(quantity(name) for name, _ in own)}: {own[0][1]['sentence']}" for own in told),
+        *(f"{', '.join(quantity(name) for name, _ in own)}: {own[0][1]['sentence']}" for own in groups),
         *(f"{line} ({count} of {count_noun(among, 'repeat')})" for line, count in counts.items()),
         *document.get("limits", {}).get("warnings", ()),
     ]
@@ -111,11 +111,10 @@ def run_warnings(document: Document) -> list[str]:
 
 def run_notes(document: Document) -> Iterator[str]:
     """Limits that the scene states, notes of measures, and what its stiffness and contacts imply."""
-    for name, found in document["measures"].items():
-        yield from (
-            f"{quantity(name)}: {each['sentence']}" for each in found.get("shortfalls", ()) if each["stated"]
-        )
-        yield from (f"{quantity(name)}: {note}" for note in found.get("notes", ()))
+    for name, measure in document["measures"].items():
+        stated = (each["sentence"] for each in measure.get("shortfalls", ()) if each["stated"])
+        yield from (f"{quantity(name)}: {sentence}" for sentence in stated)
+        yield from (f"{quantity(name)}: {note}" for note in measure.get("notes", ()))
     yield from consequences(document)
     sources = {wanted.get("source") for wanted in document["measured"].values()}
     yield from (f"measured: {source}" for source in sources if source)
@@ -138,8 +137,8 @@ def run_cost(document: Document) -> str:
     seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
     speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
     repeats = count_noun(len(document["replicas"]), "repeat")
-    made = f"{repeats} in {seconds:.1f} s, {speed:.3g} {kind}-steps/s"
-    return f"{made}, scene {document['hash']}, seed {document['seed']}"
+    count = f"{repeats} in {seconds:.1f} s, {speed:.3g} {kind}-steps/s"
+    return f"{count}, scene {document['hash']}, seed {document['seed']}"
 
 
 def next_steps(document: Document) -> Iterator[str]:

@@ -62,10 +62,10 @@ class Vocabulary:
         """Factor from the unit of the model to that of the table."""
         return self.units.value(observable, 1.0) or 1.0
 
-    def difference(self, observable: str, found: Interval) -> str:
+    def difference(self, observable: str, size: Interval) -> str:
         """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
-        sign = -1.0 if found.value < 0.0 else 1.0
-        return interval(found, 2, sign * self.scale(observable), self.units.value_unit(observable))
+        sign = -1.0 if size.value < 0.0 else 1.0
+        return interval(size, 2, sign * self.scale(observable), self.units.value_unit(observable))
 
 
 def quantity(name: str) -> str:
@@ -73,11 +73,11 @@ def quantity(name: str) -> str:
     return QUANTITIES.get(name, name.replace("_", " "))
 
 
-def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:
+def interval(size: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:
     """`0.9 (0.7 to 1.2)`; a dash where nothing is known."""
-    ends = sorted((scale * found.low, scale * found.high))
-    value, low, high = (plain(each, digits) for each in (scale * found.value, *ends))
-    return "-" if isnan(found.value) else f"{with_unit(value, unit)} ({low} to {high})"
+    ends = sorted((scale * size.low, scale * size.high))
+    value, low, high = (plain(each, digits) for each in (scale * size.value, *ends))
+    return "-" if isnan(size.value) else f"{with_unit(value, unit)} ({low} to {high})"
 
 
 def chance(p: float) -> str:
