@@ -7,7 +7,7 @@ The angle of repose, the height and the radius of 90 % of the volume have the de
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from math import atan, degrees
+from math import atan, degrees, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -80,9 +80,9 @@ def heaps_of_table(
         raise BadInput(*faults)
     chosen = [column_of(cells, place, PLACES, "--place"), column_of(cells, height, HEIGHTS, "--height")]
     units = [read_heading(cells.heading[column]).unit or "m" for column in chosen]
-    factor = [conversion(parse_unit(unit), parse_unit("m")) for unit in units]
-    if None in factor:
-        raise BadInput(f"{path}: '{cells.heading[chosen[factor.index(None)]]}' is no length")
+    factor = [conversion(parse_unit(unit), parse_unit("m")) or nan for unit in units]
+    if isnan(sum(factor)):
+        raise BadInput(f"{path}: '{cells.heading[chosen[isnan(factor[1])]]}' is no length")
     points: dict[tuple[str, ...], list[tuple[float, ...]]] = {}
     for _, row in cells.lines:
         others = tuple(cell for column, cell in enumerate(row) if column not in chosen)

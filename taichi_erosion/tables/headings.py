@@ -132,8 +132,8 @@ def unit_at_end(text: str) -> tuple[str, str]:
     """Unit behind a name without brackets, and the name; empty where none is evident."""
     for match in SEPARATOR.finditer(text):
         name, sign, rest = text[: match.start()], match[0].strip(), text[match.end() :]
-        stated = sign in STATING and (sign != "/" or len(name) < COMPOUND)
-        if not name or not (stated or is_evident(rest)) or re.match(r"\d+\s", rest):
+        is_unit = sign in STATING and (sign != "/" or len(name) < COMPOUND)
+        if not name or not (is_unit or is_evident(rest)) or re.match(r"\d+\s", rest):
             continue
         unit, words = unit_and_words(rest) if SHARE.fullmatch(rest) else (unit_in(rest) or "", "")
         valued = not sign and NUMBER_LAST.fullmatch(name) and unit not in ("", *LAWS)
@@ -162,10 +162,10 @@ def looks_like_unit(text: str) -> bool:
 def with_law(heading: Heading) -> Heading:
     """The heading with the law by which its numbers are turned into those of what it means."""
     role, place = meaning_of(heading.name)
-    for law, (places, units, given) in LAWS.items():
+    for law, (places, units, unit) in LAWS.items():
         named = heading.unit == law or has_word(heading.name, vocabulary()["laws"][law])
         if named and place in places and heading.unit in units and role in KINDS.values():
-            return replace(heading, unit=given or heading.unit, law=law)
+            return replace(heading, unit=unit or heading.unit, law=law)
     return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
 
 
@@ -308,16 +308,16 @@ def of_another(heading: str) -> bool:
 
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
-    left, meant, known = left_words(heading.name), longest_word(heading.name, *KINDS)[2], vocabulary()
+    remainder, meant, known = left_words(heading.name), longest_word(heading.name, *KINDS)[2], vocabulary()
     for word in known["laws"].get(heading.law, ()):
-        left = re.sub(occurrence(word), " ", left)
+        remainder = re.sub(occurrence(word), " ", remainder)
     scopes = [words for scope, words in known["changes"].items() if scope in (meant, "everywhere")]
     scopes += [known["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
-    changed = [word for words in scopes for word in words if found_length(word, left)]
+    changed = [word for words in scopes for word in words if found_length(word, remainder)]
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
-    if len([name for role, name in parts if role in KINDS.values()]) > 1 and left:
+    if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:
         changed.append("/")  # a ratio of two quantities
-    others = [word for word in re.findall(r"[^\W\d_]{3,}", left) if word not in words_of("harmless")]
+    others = [word for word in re.findall(r"[^\W\d_]{3,}", remainder) if word not in words_of("harmless")]
     return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
 
 
@@ -356,9 +356,9 @@ def wind_height(heading: Heading, name: str) -> float:
     if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
         return nan
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
-    found = HEIGHT.search(text.replace("_", " "))
-    if found is not None:
-        return float(found["number"].replace(",", ".")) * parse_scale(found["unit"]).factor
+    match = HEIGHT.search(text.replace("_", " "))
+    if match is not None:
+        return float(match["number"].replace(",", ".")) * parse_scale(match["unit"]).factor
     index = INDEX.match(text)
     return nan if index is None else float(index["number"])
 
@@ -366,8 +366,8 @@ def wind_height(heading: Heading, name: str) -> float:
 def lone_angle(heading: Heading) -> str:
     """Angle that a heading means in a table where nothing else is measured, `angle 1 [deg]`; else empty."""
     bare = re.sub(r"\d+", " ", plain_words(heading.name)).strip()
-    found = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
-    return found[0] if found and parse_scale(heading.unit).kind == RADIAN else ""
+    angles = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
+    return angles[0] if angles and parse_scale(heading.unit).kind == RADIAN else ""
 
 
 def near_meaning(heading: str, bare: bool = False) -> str:
@@ -396,7 +396,7 @@ def near_meaning(heading: str, bare: bool = False) -> str:
 def is_misspelt(text: str, word: str) -> bool:
     """Whether a text may be a known word, misspelt in each of its words."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
-    return all(get_close_matches(own, [known], cutoff=NEAR) for own, known in pairs)
+    return all(get_close_matches(own, [listed], cutoff=NEAR) for own, listed in pairs)
 
 
 def holds_value(heading: Heading) -> bool:

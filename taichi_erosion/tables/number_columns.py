@@ -105,22 +105,22 @@ def number_sets(columns: Sequence[Numbers]) -> Numbers:
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel().astype(np.float64)
 
 
-def follows(own: Numbers, other: Numbers) -> bool:
+def follows(column: Numbers, other: Numbers) -> bool:
     """Whether a column has one value for each value of another one, some of which are repeated."""
-    return np.unique(other).size < own.size and not differs_within(own, other)
+    return np.unique(other).size < column.size and not differs_within(column, other)
 
 
-def differs_within(own: Numbers, other: Numbers) -> bool:
+def differs_within(column: Numbers, other: Numbers) -> bool:
     """Whether a column differs where another one does not."""
-    return np.unique(number_sets([other, own])).size > np.unique(other).size
+    return np.unique(number_sets([other, column])).size > np.unique(other).size
 
 
-def is_again(own: Numbers, other: Numbers) -> bool:
+def is_again(column: Numbers, other: Numbers) -> bool:
     """Whether a column is a parabola of another one."""
-    both = np.isfinite(own) & np.isfinite(other)
-    if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(own[both]) == 0.0:
+    both = np.isfinite(column) & np.isfinite(other)
+    if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
         return False
-    return unexplained_share(own[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
+    return unexplained_share(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
 def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:
@@ -138,5 +138,5 @@ def unexplained_share(y: Numbers, x: Numbers, rest: Numbers) -> float:
     same = rest[:, np.newaxis] == np.unique(rest)
     x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
     y, *powers = (each - same @ (each @ same / same.sum(axis=0)) for each in (y, x, x**2))
-    left = y - np.column_stack(powers) @ np.linalg.lstsq(np.column_stack(powers), y)[0]
-    return float(left @ left / (y @ y))
+    residual = y - np.column_stack(powers) @ np.linalg.lstsq(np.column_stack(powers), y)[0]
+    return float(residual @ residual / (y @ y))

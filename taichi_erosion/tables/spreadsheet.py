@@ -148,11 +148,11 @@ def separator_of(text: str) -> str:
         return (widths.count(commonest) if commonest > 1 else 0), commonest
 
     try:
-        found = {separator: even_rows(separator) for separator in SEPARATORS}
+        counts = {separator: even_rows(separator) for separator in SEPARATORS}
     except csv.Error:
         return ","
-    wide = [separator for separator in SEPARATORS if found[separator][0]]
-    return max(wide, key=lambda s: (found[s][0] > 0.5 * len(lines), s != ",", found[s]), default=",")
+    wide = [separator for separator in SEPARATORS if counts[separator][0]]
+    return max(wide, key=lambda s: (counts[s][0] > 0.5 * len(lines), s != ",", counts[s]), default=",")
 
 
 def text_rows(text: str, separator: str, name: str) -> Lines:
@@ -166,8 +166,8 @@ def text_rows(text: str, separator: str, name: str) -> Lines:
                 rows.append((before + 1, stripped))
             before = reader.line_num
     except csv.Error as error:
-        told = f"not a table of cells: {error}; look for a lone quote"
-        raise BadInput(f"{name}: row {before + 1}: {told}") from None
+        message = f"not a table of cells: {error}; look for a lone quote"
+        raise BadInput(f"{name}: row {before + 1}: {message}") from None
     return rows
 
 
@@ -334,8 +334,8 @@ def write_out(cells: Cells) -> Cells:
     notes = []
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
-        known = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
-        matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if known else []
+        value = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
+        matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if value else []
         letters = {sign for match in matches if match for sign in match["mark"] + match["last"]}
         plain = content
         # of groups that do not differ, `27.9a`: an 'a' is among them, which is no unit, or two capital ones

@@ -79,7 +79,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     """Where the model fails if nothing is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = Question("compare", bare, lambda found: [found.about_bare], most=1)
+        question = Question("compare", bare, lambda inference: [inference.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
         record = summary(restrict(found.posterior.race, lambda h: not h.acting))
         record = replace(record, **vars(decision_part(found.posterior, found.decision)))
@@ -134,12 +134,12 @@ def adopt_study(
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
         strengths |= {name: record.effects[name].interval for name in names}
         written = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
-        told = {"written": str(written[0]), "files": [str(file) for file in written]}
-        told |= {"ladder": files.extended_ladder(study, record)}
+        details = {"written": str(written[0]), "files": [str(file) for file in written]}
+        details |= {"ladder": files.extended_ladder(study, record)}
         adopted_inference = replace(
             adopted_inference, posterior=condition_on_effects(adopted_inference.posterior, effects)
         )
-        return stored_reply(ready, "adopt", adopted_inference, record, start, **told)
+        return stored_reply(ready, "adopt", adopted_inference, record, start, **details)
 
 
 def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -147,12 +147,12 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     start = perf_counter()
     with open_study(path, options) as study:
         question = discovery_question(study, whole, tested=False)
-        found, ready = answer_of(study, last_plan(study), question, progress)
+        inference, ready = answer_of(study, last_plan(study), question, progress)
         laboratory = Laboratory(**study.file.laboratory.model_dump())
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
-        experiments = proposals(found.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
-        record = replace(summary(found.posterior), next_experiments=experiments)
-        return stored_reply(ready, "next", found, record, start)
+        experiments = proposals(inference.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
+        record = replace(summary(inference.posterior), next_experiments=experiments)
+        return stored_reply(ready, "next", inference, record, start)
 
 
 def whole(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
@@ -193,21 +193,23 @@ def discover_record(inference: StudyInference) -> Record:
 
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
-    known = condition_on_effects(posterior, effects)
+    conditioned = condition_on_effects(posterior, effects)
     acting = {"verdict": "present", "named": tuple(effects), "group": ()}
-    record = summary(known, replace(decide(known), mechanisms=(), **acting))
+    record = summary(conditioned, replace(decide(conditioned), mechanisms=(), **acting))
     before = vars(decision_part(posterior, decide(posterior))) | acting | {"acting_mechanisms": ()}
-    return replace(record, **before, vault=held_out_part(known, effects, seed))
+    return replace(record, **before, vault=held_out_part(conditioned, effects, seed))
 
 
 def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
     """Effects to adopt in the order of the candidates, each once; raises BadInput for one that is none."""
     if missing := [effect for effect in effects if effect not in names]:
-        own = "one of your own: --effect FILE, or effect_files under [study]"
+        remedy = "one of your own: --effect FILE, or effect_files under [study]"
         if missing[0] in mechanism_rows():
-            own = f"{shell_command('effects', 'new', 'NAME', '--from-discovery', path)} makes an effect of it"
-        known = ", ".join(names) or "none"
-        raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {known}; {own}")
+            remedy = (
+                f"{shell_command('effects', 'new', 'NAME', '--from-discovery', path)} makes an effect of it"
+            )
+        listed = ", ".join(names) or "none"
+        raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {listed}; {remedy}")
     return tuple(name for name in names if name in effects)
 
 

@@ -126,9 +126,9 @@ def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
     return reply
 
 
-def write_document(file: Path, found: Document) -> Path:
+def write_document(file: Path, content: Document) -> Path:
     """Write a document in place of an earlier one."""
-    return write_atomic(file, (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
+    return write_atomic(file, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
@@ -167,7 +167,7 @@ def extended_ladder(study: Study, record: Record) -> list[Document]:
     rungs = rungs or [rung(before, record.chi2_per_row_before, held and held.chi2_per_row_before)]
     if record.improves:
         acting = [*before, *record.named]
-        kept = [each for each in rungs if len(each["effects"]) < len(acting)]
-        rungs = [*kept, rung(acting, record.chi2_per_row_after, held and held.chi2_per_row_after)]
+        earlier_rungs = [each for each in rungs if len(each["effects"]) < len(acting)]
+        rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, held and held.chi2_per_row_after)]
     write_document(study.results / LADDER, {"rungs": rungs})
     return rungs

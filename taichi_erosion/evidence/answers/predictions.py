@@ -69,11 +69,11 @@ class PredictionReply:
 
 def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
     """The last predictions of a study; None if there are none in this format."""
-    found = files.read_document(files.document_file(folder, stem, "predict"))
-    if found is None or found.get("format") != files.FORMAT:
+    document = files.read_document(files.document_file(folder, stem, "predict"))
+    if document is None or document.get("format") != files.FORMAT:
         return None
-    record = RECORD.validate_python(found)
-    return PredictionReply({key: each for key, each in found.items() if not hasattr(record, key)}, record)
+    record = RECORD.validate_python(document)
+    return PredictionReply({key: each for key, each in document.items() if not hasattr(record, key)}, record)
 
 
 def predict_study(
@@ -133,8 +133,8 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
 
 def query_rows(race: Race, wanted: NewConditions) -> JointRows:
     """Wanted rows of the fitted observables, with the model there."""
-    known = np.isin(wanted.observable, race.prepared.rows.names)
-    chosen = NewConditions(**pick_rows({key: getattr(wanted, key) for key in ROW_WISE}, known))
+    finite = np.isin(wanted.observable, race.prepared.rows.names)
+    chosen = NewConditions(**pick_rows({key: getattr(wanted, key) for key in ROW_WISE}, finite))
     return joint_rows(race, new_rows(race.prepared, chosen))
 
 
@@ -162,19 +162,19 @@ def prediction(
 
 
 def predicted_rows(
-    posterior: Posterior, wanted: NewConditions, asked: JointRows | None
+    posterior: Posterior, wanted: NewConditions, new: JointRows | None
 ) -> Iterator[PredictedPart]:
     """Predictions of the wanted rows of fitted observables, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
-    place = asked or query_rows(race, wanted)
+    place = new or query_rows(race, wanted)
     names, groups = place.rows.names, place.rows.group
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
-    told, fit = forecast(posterior, place), race.bare
+    outlook, fit = forecast(posterior, place), race.bare
     model, runs = place.model.sure_mean((), fit.v)[fit.mean.size :], place.runs
     model = model if runs is None else model + runs[1]
     units = dict(zip(table.observable, table.unit, strict=True))
-    means, single = told.intervals(told.mean), told.intervals(told.measured)
+    means, single = outlook.intervals(outlook.mean), outlook.intervals(outlook.measured)
     for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
         observable = place.rows.observables[place.rows.which[k]]
         yield PredictedPart(
@@ -212,6 +212,8 @@ def extrapolations(
 
 def check_of(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
-    own = below[counted & np.isfinite(below)]
-    inside = int(np.sum(np.abs(own - 0.5) <= 0.5 * SHARE))
-    return CheckPart(own.size, inside, float(special.bdtr(inside, own.size, SHARE)) if own.size else nan)
+    shares = below[counted & np.isfinite(below)]
+    inside = int(np.sum(np.abs(shares - 0.5) <= 0.5 * SHARE))
+    return CheckPart(
+        shares.size, inside, float(special.bdtr(inside, shares.size, SHARE)) if shares.size else nan
+    )

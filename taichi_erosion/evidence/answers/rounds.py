@@ -106,11 +106,11 @@ def discovery_question(
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
     """Probability of every set of effects and mechanisms, likeliest first, whatever is beside them."""
-    found: dict[Acting, float] = {}
+    probabilities: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
         names = tuple(sorted(hypothesis.acting - {OUTSIDE}))
-        found[names] = found.get(names, 0.0) + p
-    return dict(sorted(found.items(), key=lambda each: -each[1]))
+        probabilities[names] = probabilities.get(names, 0.0) + p
+    return dict(sorted(probabilities.items(), key=lambda each: -each[1]))
 
 
 def closest(race: Race, names: Acting) -> Fit:
@@ -120,8 +120,8 @@ def closest(race: Race, names: Acting) -> Fit:
 
 def has_open_question(decision: Decision) -> bool:
     """Whether anything that could be said is neither sure nor as good as excluded."""
-    stated = (decision.none, decision.outside, *decision.inclusion.values(), *decision.beyond.values())
-    return any(1.0 - SURE < p < SURE for p in stated)
+    range_ends = (decision.none, decision.outside, *decision.inclusion.values(), *decision.beyond.values())
+    return any(1.0 - SURE < p < SURE for p in range_ends)
 
 
 def is_final(inference: StudyInference) -> bool:
@@ -177,14 +177,14 @@ def answer_by_plan(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if first is None:
-        if told := function_cost(study, len(question.effects)):
-            study.options.announce(told)
+        if message := function_cost(study, len(question.effects)):
+            study.options.announce(message)
         return question.answer(study, progress), study
     refuse_blocked(study, bool(question.effects) and question.name != "next")  # which asks for the rows
     key = f"{study.fresh}{question.name} {budget}"
     runs, own_rounds, earlier = with_stored_rounds(first, key)
-    left = max(runs.plan_size.rounds - len(own_rounds), 0)
-    cost = plan_cost(runs, left, question.most, test_cost(runs, question, own_rounds, key))
+    room = max(runs.plan_size.rounds - len(own_rounds), 0)
+    cost = plan_cost(runs, room, question.most, test_cost(runs, question, own_rounds, key))
     if cost.seconds >= WORTH_TELLING:
         study.options.announce(cost.sentence)
     phases, phase = cost.phases, 0
@@ -212,19 +212,19 @@ def wider_runs(
     runs: TrainingRuns, ready: Study, question: Question, inference: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
-    asked = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
-    if not asked or not has_unexplained_misfit(inference.posterior.race):
+    wanted = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
+    if not wanted or not has_unexplained_misfit(inference.posterior.race):
         return None
     wider = training_runs.with_mechanisms(runs)
     return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
 
 
-def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: str) -> int:
+def test_cost(runs: TrainingRuns, question: Question, rounds: list[Points], key: str) -> int:
     """Most runs that end an answer; none where it was tested after the same rounds."""
     if question.query is not None:
         return question.query_sets * runs.plan_size.fresh
-    known = stored_rounds(runs.study)["fresh"].get(key)
-    if not question.tested or (known is not None and known["rounds"] == len(own)):
+    count = stored_rounds(runs.study)["fresh"].get(key)
+    if not question.tested or (count is not None and count["rounds"] == len(rounds)):
         return 0
     return fresh_count(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
 
@@ -249,8 +249,8 @@ def with_fresh_runs(
     study, stored, rounds = runs.study, stored_rounds(runs.study)["fresh"], read_rounds(runs.study)
     mapping, race = ready.problem.model, inference.posterior.race
     assert isinstance(mapping, NameMapping)
-    made = frozenset(run for entry in stored.values() for run in entry["runs"])
-    simulator = FreshSimulator(runs, mapping, made, runs.plan_size.fresh)
+    new_keys = frozenset(run for entry in stored.values() for run in entry["runs"])
+    simulator = FreshSimulator(runs, mapping, new_keys, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
         rows, used = runs_at(question.query(inference), simulator, progress)
@@ -303,10 +303,12 @@ def next_points(
     if len(own_rounds) < runs.plan_size.rounds:
         about = [point for point in question.points(inference) if acting(point) not in earlier]
         return about if training_runs.within_budget(runs, about) else []
-    known = earlier | {acting(point) for about in own_rounds for point in about}
+    signatures = earlier | {acting(point) for about in own_rounds for point in about}
     needed = required_points(inference) if question.missing else []
-    about = [point for point in needed if acting(point) not in known]
-    alike = [made for made in own_rounds[runs.plan_size.rounds :] if has_doses(made) == has_doses(about)]
+    about = [point for point in needed if acting(point) not in signatures]
+    alike = [
+        points for points in own_rounds[runs.plan_size.rounds :] if has_doses(points) == has_doses(about)
+    ]
     done = len(alike) >= MOST_REQUIRED
     return None if done or not about or not training_runs.within_budget(runs, about) else about
 
@@ -318,18 +320,18 @@ def has_doses(about: Points) -> bool:
 
 def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
     """Progress of one phase as part of the whole plan."""
-    before, own = shares(phases, phase)
-    return lambda words, share: progress(words, before + own * share)
+    before, weight = shares(phases, phase)
+    return lambda words, share: progress(words, before + weight * share)
 
 
 def acting(point: Setting) -> frozenset[str]:
     """Effects and mechanisms that act at a point, these with the condition and the signs of their doses."""
-    found = []
+    names = []
     for name, strength in point.effects.items():
-        doses = [own[name] for _, own in point.doses if name in own]
+        doses = [numbers[name] for _, numbers in point.doses if name in numbers]
         signs = {int(np.sign(dose)) for dose in doses if abs(dose) > LEAST_DOSE * abs(strength)}
-        found += [f"{name}|{point.along}|{sorted(signs)}" if doses else name] * (strength != 0.0)
-    return frozenset(found)
+        names += [f"{name}|{point.along}|{sorted(signs)}" if doses else name] * (strength != 0.0)
+    return frozenset(names)
 
 
 def stored_rounds(study: Study) -> Mapping[str, Any]:
@@ -342,8 +344,8 @@ def stored_rounds(study: Study) -> Mapping[str, Any]:
 def read_rounds(study: Study) -> Rounds:
     """Points of earlier rounds."""
     return {
-        name: [[Setting(**entry) for entry in about] for about in made]
-        for name, made in stored_rounds(study)["rounds"].items()
+        name: [[Setting(**entry) for entry in about] for about in entries]
+        for name, entries in stored_rounds(study)["rounds"].items()
     }
 
 
@@ -361,8 +363,8 @@ def rounds_file(study: Study) -> Path:
 
 def state_of(study: Study) -> str:
     """Digest of a study file and its measurements; a round serves an effect file that joins them too."""
-    known = f"{study.digest}|{file_text(study.path, str(study.path))}"
-    return sha256(known.encode()).hexdigest()[:16]
+    digest = f"{study.digest}|{file_text(study.path, str(study.path))}"
+    return sha256(digest.encode()).hexdigest()[:16]
 
 
 def last_plan(study: Study) -> Sequence[BudgetName]:

@@ -73,10 +73,10 @@ def unit_faults(race: Race) -> Iterator[SetUpFault]:
     """Observables that lie far from the calibrated model, as of a wrong unit; amounts above a floor may."""
     rows, mean = race.prepared.rows, race.bare.mean
     for index, observable in enumerate(rows.observables):
-        own = (rows.which == index) & ~rows.censored
-        measured, told = (from_scale(observable, values[own]) for values in (rows.z, mean))
-        sound = (measured > 0.0) & (told > 0.0)
-        ratio = float(np.median(measured[sound] / told[sound])) if sound.any() else 1.0
+        mask = (rows.which == index) & ~rows.censored
+        measured, predicted = (from_scale(observable, values[mask]) for values in (rows.z, mean))
+        sound = (measured > 0.0) & (predicted > 0.0)
+        ratio = float(np.median(measured[sound] / predicted[sound])) if sound.any() else 1.0
         if observable.transform != "log_floor" and not 1.0 / FAR_OFF < ratio < FAR_OFF:
             words = FAULTS["unit"].format(observable.name, plain(ratio, 2), unit_text(ratio))
             yield SetUpFault("unit", observable.name, words, True)

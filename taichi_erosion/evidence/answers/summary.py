@@ -105,11 +105,11 @@ def mechanism_parts(decided: parts.DecisionPart, law: Law | None = None) -> dict
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
     """Scatter of single measurements, and whether repeated rows gave it or check what is stated."""
-    for observable, own in race.prepared.by_observable():
-        found, kind = race.prepared.rows.noise[observable.name].scatter, kind_of(observable)
-        slope = float(np.median(race.prepared.rows.slope[own])) if kind == "offset" else 1.0
-        sd = float(np.sqrt(np.nanmedian(found.variance))) / slope
-        yield parts.ScatterPart(observable.name, kind, sd, int(found.pure[1]), found.factor)
+    for observable, mask in race.prepared.by_observable():
+        scatter, kind = race.prepared.rows.noise[observable.name].scatter, kind_of(observable)
+        slope = float(np.median(race.prepared.rows.slope[mask])) if kind == "offset" else 1.0
+        sd = float(np.sqrt(np.nanmedian(scatter.variance))) / slope
+        yield parts.ScatterPart(observable.name, kind, sd, int(scatter.pure[1]), scatter.factor)
 
 
 def kind_of(observable: Observable) -> Literal["factor", "offset"]:
@@ -123,18 +123,22 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
     for each in rows.apart:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
-        found = each.suspects if len(each.suspects) == 1 else likely
-        yield parts.RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
+        suspects = each.suspects if len(each.suspects) == 1 else likely
+        yield parts.RepeatPart(
+            each.observable, each.lines, each.gap, suspects[0] if len(suspects) == 1 else 0
+        )
 
 
 def lack_of_fit_p(race: Race, fit: Fit) -> float:
     """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
     p = race.prepared
-    own, bad = p.white(fit.jacobian), list(fit.evidence.bad)
-    leverage = np.einsum("ij,ij->i", own, np.linalg.solve(own.T @ own + np.eye(own.shape[1]), own.T).T)
-    left = residual(fit)
-    leverage[bad], left[bad] = 1.0, 0.0
-    return tested_by_repeats(p.rows, p.variance, left, leverage)
+    slopes, bad = p.white(fit.jacobian), list(fit.evidence.bad)
+    leverage = np.einsum(
+        "ij,ij->i", slopes, np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T).T
+    )
+    remainder = residual(fit)
+    leverage[bad], remainder[bad] = 1.0, 0.0
+    return tested_by_repeats(p.rows, p.variance, remainder, leverage)
 
 
 def interval(values: Floats, weight: Floats) -> Interval:
@@ -188,8 +192,8 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
     value, low, high = (nan, 0.0, limit) if status == "excluded" else vars(strength).values()
-    known = limit, factor, absorption, unseen
-    return parts.EffectPart(status, share, value, low, high, *known, alike, most)
+    numbers = limit, factor, absorption, unseen
+    return parts.EffectPart(status, share, value, low, high, *numbers, alike, most)
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
@@ -320,9 +324,9 @@ def law_template(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict
     sizes: dict[str, tuple[str, float]] = {}
     names = iter(form.conditions)
 
-    def name_size(found: re.Match[str]) -> str:
+    def name_size(match: re.Match[str]) -> str:
         name = next(names)
-        sizes[f"{name}_0"] = name, float(found[0])
+        sizes[f"{name}_0"] = name, float(match[0])
         return f"{{{name}_0}}"
 
     text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", name_size, form.text)
@@ -338,20 +342,20 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
     """Level of an observable with the stated error that rows share, where it is off and of a sure sign."""
     race, rows = posterior.race, posterior.race.prepared.rows
     weight = np.concatenate([each.weight for each in posterior.draws])
-    for observable, own in race.prepared.by_observable():
+    for observable, mask in race.prepared.by_observable():
         sizes = np.array([])
-        unit = np.median(race.prepared.sd[own])
-        shared = np.mean(rows.shared[own], axis=0)
+        unit = np.median(race.prepared.sd[mask])
+        shared = np.mean(rows.shared[mask], axis=0)
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
             column = int(np.argmax(each.fit.evidence.solved.rows.block == index))
             stated = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
             sizes = np.append(sizes, unit * each.values[:, column] + stated)
         chance = float(weight @ (np.abs(sizes) > 0.5 * unit)) / float(weight.sum())
-        told = interval(sizes, weight)
-        if chance > 0.5 and told.low * told.high > 0.0:
+        shift = interval(sizes, weight)
+        if chance > 0.5 and shift.low * shift.high > 0.0:
             name = kind_of(observable)
-            size = interval(np.exp(sizes), weight) if name == "factor" else told
+            size = interval(np.exp(sizes), weight) if name == "factor" else shift
             yield parts.LevelPart(**vars(size), observable=observable.name, kind=name, probability=chance)
 
 
@@ -391,10 +395,10 @@ def shared_parts(
     best, root = (now.tau * now.centre)[at], now.tau[at]
     covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
     labels = np.array(rows.source_names if kind == "source" else rows.group)
-    for observable, own in race.prepared.by_observable():
-        names = list(dict.fromkeys(labels[own]))
+    for observable, mask in race.prepared.by_observable():
+        names = list(dict.fromkeys(labels[mask]))
         for label in names[1:] if len(names) == 2 else names:
-            some, others = own & (labels == label), own & (labels != label)
+            some, others = mask & (labels == label), mask & (labels != label)
             if not (others.any() and some.sum() > 1):
                 continue
             gap = columns[some].mean(axis=0) - columns[others].mean(axis=0)
@@ -426,15 +430,15 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
                 powers = (np.where(rows_of, axis(values) ** k, 0.0) for k in range(1, POWERS + 1))
                 columns += map(race.prepared.white, powers)
     along, gram = linear.posterior_at(u).against(np.reshape(columns, (-1, rows.size)).T)
-    alone, left, least = gram.diagonal().copy(), [*range(len(named))], 0.0
-    while left:
+    alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], 0.0
+    while remaining:
         z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)
-        k = max(left, key=lambda k: abs(z[POWERS * k]))
+        k = max(remaining, key=lambda k: abs(z[POWERS * k]))
         # an adjusted p is no smaller than those before it
-        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[POWERS * k]))) * len(left)))
+        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[POWERS * k]))) * len(remaining)))
         observable, name = named[k]
         yield parts.PlacePart(observable, name, 1 if z[POWERS * k] > 0.0 else -1, least)
-        left.remove(k)
+        remaining.remove(k)
         for j in range(POWERS * k, POWERS * (k + 1)):
             if gram[j, j] > 1e-6 * alone[j]:
                 share = gram[j] / gram[j, j]
@@ -450,9 +454,9 @@ def rows_part(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:
     half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
     for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(added, axis=0)):
         column = np.empty(rows.size)
-        for observable, own in race.prepared.by_observable():
-            column[own] = from_scale(observable, values[own])
+        for observable, mask in race.prepared.by_observable():
+            column[mask] = from_scale(observable, values[mask])
         columns.append(column)
-    measured, low, high, before, told = columns
+    measured, low, high, before, adjusted = columns
     low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)
-    return parts.RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, told)
+    return parts.RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, adjusted)

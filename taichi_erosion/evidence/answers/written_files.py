@@ -104,11 +104,11 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
             raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
     if earlier is None and (there := [path for path in paths if path.exists()]):
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
-    drawn, changes = list[Drawn](row.drawn for row in files.rows.rows), {}
+    rows, changes = list[Drawn](row.drawn for row in files.rows.rows), {}
     if earlier is not None:
-        drawn, changes = carried_over(earlier, read_table(files.table, files.table.name), files.rows)
+        rows, changes = carried_over(earlier, read_table(files.table, files.table.name), files.rows)
     with all_or_none(paths):
-        write_table(files, drawn)
+        write_table(files, rows)
         if earlier is None or anew:
             write_study(files, "" if earlier is None else earlier.drawn_from)
         else:
@@ -119,8 +119,8 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
         study = load_study(files.study)
         refuse_unknown_scatter(study)
         write_table(files, drawn_rows(study, files.rows))
-        found = check_study(files.study)
-    return {"written": list(map(str, paths)), **found, **changes}
+        document = check_study(files.study)
+    return {"written": list(map(str, paths)), **document, **changes}
 
 
 def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
@@ -138,8 +138,8 @@ def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn]
     for key in next(keys):
         places.append(free[key].pop(0) if free[key] else None)
     if len(before.rows) == len(after.rows):
-        left = {place for known in free.values() for place in known}
-        places = [k if place is None and k in left else place for k, place in enumerate(places)]
+        unmatched = {place for numbers in free.values() for place in numbers}
+        places = [k if place is None and k in unmatched else place for k, place in enumerate(places)]
     was, now = (  # but for what the vault makes of a row and its place in the file
         [
             {name: text for name, text in row.items() if text and name not in ("vault", "source")}
@@ -176,10 +176,10 @@ def drawn_rows(study: Study, table: Table) -> list[Drawn]:
     hidden = set(study.problem.vault.rows.tolist())
     vault = study.file.vault
     inside = stated_rows(study.problem.measurements, vault.ranges, vault.sources)
-    found: list[Drawn] = [""] * len(table.rows)
+    rows: list[Drawn] = [""] * len(table.rows)
     for k, row in enumerate(used):
-        found[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
-    return found
+        rows[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
+    return rows
 
 
 @contextmanager
@@ -223,11 +223,11 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
         lines += ['notes = """', "Assumed, because the table does not say it:"]
         lines += [f"- {words.replace(chr(34), chr(39))}" for words in files.assumed] + ['"""']
     for name, scene in content.observables.items():
-        known = OBSERVED.get(name)
+        limits = OBSERVED.get(name)
         lines += ["", f"[observables.{name}]"]
         lines += [f"scene = {toml_string(scene)}"] if scene else []
-        lines += [f"unit = {toml_string(known.unit)}"] if content.model and known else []
-        lines += scale_lines(files.rows, name, known.unit if content.model and known else "")
+        lines += [f"unit = {toml_string(limits.unit)}"] if content.model and limits else []
+        lines += scale_lines(files.rows, name, limits.unit if content.model and limits else "")
         lines += [content.shared[name]] if name in content.shared else []
     lines += [
         "",

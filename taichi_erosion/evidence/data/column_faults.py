@@ -25,21 +25,21 @@ def column_faults(
     cells = known_cells(table, name, allowed)
     wrong = [each for each in cells if not allowed.possible(each[3])]
     odd = [each for each in cells if not allowed.is_usual(each[3])]
-    meant = likely_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
+    meanings = likely_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
     near_own = usual_value > 0.0 and all(
         usual_value / NEAR_SCENE <= used <= usual_value * NEAR_SCENE for *_, used in odd
     )
-    if not wrong and usual and meant and 2 * len(odd) > len(cells) and not near_own:
+    if not wrong and usual and meanings and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
-    hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
+    hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else ""
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"
         outside = "which is unusual" if allowed.possible(used) else span
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
-        told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
-        yield f"{table.file}: row {row.line}, {told}"
+        message = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
+        yield f"{table.file}: row {row.line}, {message}"
 
 
 def known_cells(

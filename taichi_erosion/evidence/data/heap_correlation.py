@@ -40,10 +40,10 @@ class HeapCorrelation:
 
     def of(self, names: Sequence[str]) -> Floats:
         """The correlation of some observables, 0 with those that it does not know."""
-        found, known = np.eye(len(names)), [k for k, name in enumerate(names) if name in self.names]
-        own = [self.names.index(names[k]) for k in known]
-        found[np.ix_(known, known)] = self.matrix[np.ix_(own, own)]
-        return found
+        matrix, places = np.eye(len(names)), [k for k, name in enumerate(names) if name in self.names]
+        indices = [self.names.index(names[k]) for k in places]
+        matrix[np.ix_(places, places)] = self.matrix[np.ix_(indices, indices)]
+        return matrix
 
 
 def heap_correlation(
@@ -57,10 +57,10 @@ def heap_correlation(
     wrong = {(each.observable, line) for each in rows.apart for line in each.suspects}
     sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
     sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
-    found = np.where(freedom >= LEAST_FREEDOM, shrink(sample, freedom), target)
-    if np.array_equal(found, np.eye(len(names))):
+    matrix = np.where(freedom >= LEAST_FREEDOM, shrink(sample, freedom), target)
+    if np.array_equal(matrix, np.eye(len(names))):
         return None
-    return HeapCorrelation(names, valid_correlation(found))
+    return HeapCorrelation(names, valid_correlation(matrix))
 
 
 def add_correlation(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
@@ -123,9 +123,11 @@ def sample_correlation(observables: Sequence[Observable], table: Measurements) -
     values, counts = np.zeros((heaps.size, size)), np.zeros((heaps.size, size))
     for k, observable in enumerate(observables):
         z = to_scale(observable, np.where(table.censored, np.nan, table.value))
-        own = (names == observable.name) & np.isfinite(z) & (heaps[heap] != "")
-        counts[:, k] = np.bincount(heap[own], n[own], heaps.size)
-        values[:, k] = np.bincount(heap[own], n[own] * z[own], heaps.size) / np.maximum(counts[:, k], 1.0)
+        pairs = (names == observable.name) & np.isfinite(z) & (heaps[heap] != "")
+        counts[:, k] = np.bincount(heap[pairs], n[pairs], heaps.size)
+        values[:, k] = np.bincount(heap[pairs], n[pairs] * z[pairs], heaps.size) / np.maximum(
+            counts[:, k], 1.0
+        )
     correlation, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)
@@ -139,11 +141,11 @@ def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[floa
     """Correlation of two columns (m, 2) about the means of their cells, and its degrees of freedom."""
     products, freedom = np.zeros((2, 2)), 0.0
     for number in np.unique(cell):
-        own = cell == number
-        gap = values[own] - np.average(values[own], axis=0, weights=counts[own])
-        gap = gap * np.sqrt(counts[own])
+        pairs = cell == number
+        gap = values[pairs] - np.average(values[pairs], axis=0, weights=counts[pairs])
+        gap = gap * np.sqrt(counts[pairs])
         products += gap.T @ gap
-        freedom += float(own.sum()) - 1.0
+        freedom += float(pairs.sum()) - 1.0
     if freedom < LEAST_FREEDOM or products[0, 0] <= 0.0 or products[1, 1] <= 0.0:
         return 0.0, 0.0
     return float(products[0, 1] / np.sqrt(products[0, 0] * products[1, 1])), freedom
@@ -156,8 +158,8 @@ def shrink(sample: Floats, freedom: Floats) -> Floats:
     uncertain, size = (float(np.sum(part[is_known])) for part in ((1.0 - sample**2) ** 2 / nu, sample**2))
     if uncertain > MOST_CHANCE * size or size == 0.0:
         return np.eye(len(sample))
-    drawn = (1.0 - uncertain / size) * (nu * sample) / (nu + 1.0)
-    return valid_correlation(np.where(is_known, drawn, np.eye(len(sample))))
+    weights = (1.0 - uncertain / size) * (nu * sample) / (nu + 1.0)
+    return valid_correlation(np.where(is_known, weights, np.eye(len(sample))))
 
 
 def valid_correlation(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats:

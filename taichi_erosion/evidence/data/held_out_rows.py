@@ -51,15 +51,15 @@ def split_rows(
     units: list[Unit] = [(group,) for group in measurements.group] if by_group else cells
     digest = content_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
-    kept, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
+    visible, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
-    drawn = drawn_units(measurements, order, units, ~inside, kept, fraction, least)
+    drawn = drawn_units(measurements, order, units, ~inside, visible, fraction, least)
     among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
-    hidden = inside | kept | among
+    hidden = inside | visible | among
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
-    held = {units[i] for i in np.flatnonzero((kept | among) & ~inside).tolist()}
+    held = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
     told = measurements.table_units.condition_text
     spans = {name: " to ".join(told(name, end) for end in ends) for name, ends in ranges.items()}
     named = "".join(f", and {name} from {span}" for name, span in spans.items())
@@ -74,8 +74,10 @@ def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Boo
     drawn = measurements.drawn or ("",) * measurements.size
     hidden = {unit for unit, was in zip(units, drawn, strict=True) if was == "held out"}
     settled = frozenset(unit for unit, was in zip(units, drawn, strict=True) if was)
-    kept = [was == "held out" or (not was and unit in hidden) for unit, was in zip(units, drawn, strict=True)]
-    return np.array(kept, dtype=np.bool_), settled
+    visible = [
+        was == "held out" or (not was and unit in hidden) for unit, was in zip(units, drawn, strict=True)
+    ]
+    return np.array(visible, dtype=np.bool_), settled
 
 
 def stated_rows(
@@ -104,7 +106,7 @@ def drawn_units(
     order: Sequence[Unit],
     units: Sequence[Unit],
     free: Bools,
-    kept: Bools,
+    visible: Bools,
     fraction: float,
     least: int,
 ) -> set[Unit]:
@@ -125,18 +127,18 @@ def drawn_units(
         seen.setdefault(units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
-    left = free & ~kept
-    before, crossings = varying(measurements, left), crossed_levels(measurements, left, 3)
-    among, held = (unit_counts(measurements, units, rows) for rows in (free, free & kept))
+    remaining = free & ~visible
+    before, crossings = varying(measurements, remaining), crossed_levels(measurements, remaining, 3)
+    among, held = (unit_counts(measurements, units, rows) for rows in (free, free & visible))
     wanted = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
     drawn: set[Unit] = set()
     for unit in (each for each in order if each in seen):
-        without = left & (unit_of_row != numbers[unit])
+        without = remaining & (unit_of_row != numbers[unit])
         enough = np.unique(points[without]).size >= least and varying(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
         if identified and all(wanted[name] > 0 for name in seen[unit]):
             drawn.add(unit)
-            left = without
+            remaining = without
             for name in seen[unit]:
                 wanted[name] -= 1
     return drawn
@@ -148,26 +150,26 @@ def condition_levels(
     """Observable, its rows, a condition, its column and its values: each pair of them, among some rows."""
     named = np.array(measurements.observable)
     for observable in dict.fromkeys(measurements.observable):
-        own = rows & (named == observable)
+        values = rows & (named == observable)
         for name, column in measurements.conditions.items():
-            yield observable, own, name, column, np.unique(column[own & np.isfinite(column)])
+            yield observable, values, name, column, np.unique(column[values & np.isfinite(column)])
 
 
 def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
-    found: set[tuple[str, str]] = set()
+    pairs: set[tuple[str, str]] = set()
     for observable, _, name, _, levels in condition_levels(measurements, rows):
         if levels.size > 1:
-            found |= {(observable, name), (observable, f"{name} from 0" if levels[0] == 0.0 else name)}
-    return found
+            pairs |= {(observable, name), (observable, f"{name} from 0" if levels[0] == 0.0 else name)}
+    return pairs
 
 
 def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
     """Observable, condition of two levels, one level, and a condition of at least so many values under it."""
     crossings: set[tuple[str, str, float, str]] = set()
-    for observable, own, name, column, levels in condition_levels(measurements, np.ones_like(rows)):
+    for observable, mask, name, column, levels in condition_levels(measurements, np.ones_like(rows)):
         for level in levels if levels.size == 2 else ():
-            under = own & rows & (column == level)
+            under = mask & rows & (column == level)
             for other, values in measurements.conditions.items():
                 if np.unique(values[under & np.isfinite(values)]).size >= least:
                     crossings.add((observable, name, float(level), other))
@@ -191,13 +193,13 @@ def content_digest(measurements: Measurements) -> str:
     return sha256("\n".join(lines).encode()).hexdigest()
 
 
-def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int) -> str:
+def split_sentence(count: int, by_group: bool, named: str, rows: int, among: int) -> str:
     """Sentence about the split."""
     few = " of conditions (there are too few groups to hold them out whole)"
-    kind = count_noun(drawn, "group") if by_group else f"{count_noun(drawn, 'set')}{few}"
+    kind = count_noun(count, "group") if by_group else f"{count_noun(count, 'set')}{few}"
     if not rows:
         return "Nothing is held out: there are too few conditions. No error on unseen data can be shown."
-    words = f"{kind}{named}" if drawn or not named else named.removeprefix(", and ")
+    words = f"{kind}{named}" if count or not named else named.removeprefix(", and ")
     return f"{rows} of {among} rows are held out: {words}."
 
 

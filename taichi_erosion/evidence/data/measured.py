@@ -55,10 +55,10 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
+    table = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
     faults.tell()
-    assert found is not None
-    return found
+    assert table is not None
+    return table
 
 
 def read_rows(
@@ -205,8 +205,8 @@ def study_measurements(
         censoring_limit(row, float(factor), file.observables[row.observable], table.file)
         for row, factor in zip(rows, factors, strict=True)
     ]
-    stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
-    used = [{name: scale.to_use(at[name]) for name, scale in scales.items()} for at in stated]
+    settings = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
+    used = [{name: scale.to_use(at[name]) for name, scale in scales.items()} for at in settings]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
         value=factors * np.array([nan if row.censored else row.value for row in rows]),
@@ -246,12 +246,12 @@ def column_scale(table: Table, column: str, place: str | None) -> Scale:
     try:
         target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(written).kind)
     except UnknownUnit:
-        told = f"sets what is counted in {place}, not a number"
-        raise BadInput(f"{table.file}: column '{column}' {told}") from None
+        message = f"sets what is counted in {place}, not a number"
+        raise BadInput(f"{table.file}: column '{column}' {message}") from None
     scale = scale_between(written, target)
     if scale is None:
-        told = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
-        raise BadInput(f"{table.file}: heading '{column} [{written}]': {told}; give it in that unit")
+        message = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
+        raise BadInput(f"{table.file}: heading '{column} [{written}]': {message}; give it in that unit")
     return scale
 
 
@@ -290,11 +290,11 @@ def unit_factor(row: Row, unit: str, file: str) -> float:
 
 def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every observable, from the unit that most of its rows have to that of the model."""
-    found = {}
+    scales = {}
     for name, unit in units.items():
         written = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        found[name] = Scale(written, conversion(parse_unit(written), parse_unit(unit)) or 1.0)
-    return found
+        scales[name] = Scale(written, conversion(parse_unit(written), parse_unit(unit)) or 1.0)
+    return scales
 
 
 def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
@@ -323,8 +323,10 @@ def error_notes(measurements: Measurements) -> list[str]:
         scale = measurements.table_units.conditions.get(name, Scale())
         most = with_unit(plain(np.nanmax(sd) / scale.factor), measurements.table_units.condition_unit(name))
         count = f"{int(np.sum(sd > 0.0))} of {sd.size} rows"
-        told = f"{count} state its sd, at most {most}; it enters their errors through the slope of the model."
-        notes.append(f"{name}: {told}")
+        words = (
+            f"{count} state its sd, at most {most}; it enters their errors through the slope of the model."
+        )
+        notes.append(f"{name}: {words}")
     return notes
 
 

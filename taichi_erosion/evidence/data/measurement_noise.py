@@ -161,11 +161,11 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
         variance[sampled], own_variance = moderate_variance(
             variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
         )
-    known = np.isfinite(variance)
-    if known.any():
+    finite = np.isfinite(variance)
+    if finite.any():
         off = disagreeing(z, [weight := repeats / variance], cell, True)
         squares, between = pure_error(np.where(off, nan, z), weight, cell)
-        variance = np.where(known, variance, np.nanmedian(variance))
+        variance = np.where(finite, variance, np.nanmedian(variance))
         return corrected_by_repeats(variance, squares, between, own_variance, off)
     off = disagreeing(z, list(repeats / bounded_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
@@ -191,9 +191,9 @@ def corrected_by_repeats(
 
 def repeat_groups(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
     """Groups of repeats, which have one number in `cell`, and their squares; a NaN leaves a row out."""
-    known = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
-    _, number = np.unique(cell[known], return_inverse=True)
-    groups = [known[number == k] for k in np.flatnonzero(np.bincount(number) > 1)]
+    finite = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
+    _, number = np.unique(cell[finite], return_inverse=True)
+    groups = [finite[number == k] for k in np.flatnonzero(np.bincount(number) > 1)]
     mean = [np.average(z[rows], weights=weight[rows]) for rows in groups]
     squares = [float(weight[rows] @ (z[rows] - m) ** 2) for rows, m in zip(groups, mean, strict=True)]
     return groups, np.array(squares)
@@ -245,12 +245,12 @@ def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
     return grid, weight / weight.sum()
 
 
-def disagreeing(z: Floats, weights: Sequence[Floats], cell: Floats, stated: bool) -> Bools:
+def disagreeing(z: Floats, weights: Sequence[Floats], cell: Floats, with_sd: bool) -> Bools:
     """Rows that disagree grossly with their repeats, under every one of some weights; both rows of a pair."""
     off = np.zeros(z.size, dtype=np.bool_)
     while True:
         ways = [repeat_groups(np.where(off, nan, z), weight, cell) for weight in weights]
-        bad = np.all([gross(*way, stated) for way in ways], axis=0)
+        bad = np.all([gross(*way, with_sd) for way in ways], axis=0)
         if not bad.any():
             return off
         for k in np.flatnonzero(bad):

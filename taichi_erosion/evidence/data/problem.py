@@ -130,7 +130,7 @@ class Uncertainty(Protocol):
     On the comparison scale, at one setting of the calibrated numbers and strengths.
     """
 
-    def __call__(self, asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats: ...
+    def __call__(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats: ...
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,8 @@ class TableUnits:
 
     def setting_text(self, conditions: Mapping[str, float]) -> str:
         """`diameter = 230 um, moisture = 2 %`; conditions that were not written down are left out."""
-        known = {name: number for name, number in conditions.items() if isfinite(number)}
-        return ", ".join(f"{name} = {self.condition_text(name, number)}" for name, number in known.items())
+        finite = {name: number for name, number in conditions.items() if isfinite(number)}
+        return ", ".join(f"{name} = {self.condition_text(name, number)}" for name, number in finite.items())
 
     def size_text(self, name: str, number: float) -> str:
         """A condition by which another value of it is divided: in its unit where that counts from 0."""

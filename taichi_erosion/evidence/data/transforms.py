@@ -130,8 +130,8 @@ class Whitening:
 
     def __call__(self, rows: Floats) -> Floats:
         """Whitened rows (n,) or (n, columns)."""
-        own = rows / (self.sd if rows.ndim == 1 else self.sd[:, np.newaxis])
-        return own if self.root is None else np.asarray(self.root @ own, dtype=np.float64)
+        columns = rows / (self.sd if rows.ndim == 1 else self.sd[:, np.newaxis])
+        return columns if self.root is None else np.asarray(self.root @ columns, dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -74,10 +74,10 @@ class Setting:
 
     def at(self, row: Row) -> list[Numbers]:
         """What acts under some conditions; where some are left out, under each set that has the others."""
-        known = {path: value for path, value in row.items() if np.isfinite(value)}.items()
+        numbers = {path: value for path, value in row.items() if np.isfinite(value)}.items()
         sets = sorted(self.doses, key=lambda each: len(each[0]))
-        found = [{**self.effects, **own} for at, own in sets if known <= at.items()]
-        return found or [dict(self.effects)]
+        doses = [{**self.effects, **numbers_here} for at, numbers_here in sets if numbers <= at.items()]
+        return doses or [dict(self.effects)]
 
 
 @dataclass(frozen=True)
@@ -100,12 +100,14 @@ def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     path, simulator = scene.measure.scene, scene.simulator
     present = {*effects, *simulator.acting_effects(path)}
     read = {name for effect in present for name in simulator.library[effect].reads}
-    found: dict[tuple[tuple[str, float], ...], Row] = {}
+    rows: dict[tuple[tuple[str, float], ...], Row] = {}
     for row in scene.rows:
         if all(simulator.can_act(effect, path, row) for effect in effects):
-            kept = {p: value for p, value in row.items() if np.isfinite(value) and condition_matters(p, read)}
-            found.setdefault(tuple(sorted(kept.items())), kept)
-    return list(found.values())
+            conditions = {
+                p: value for p, value in row.items() if np.isfinite(value) and condition_matters(p, read)
+            }
+            rows.setdefault(tuple(sorted(conditions.items())), conditions)
+    return list(rows.values())
 
 
 def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
@@ -218,9 +220,9 @@ def refinement_runs(
 
     def strength(name: str, share: float, row: Row) -> float:
         least = LEAST_DOSE * abs(about.effects[name])
-        own = sorted({each[name] for each in about.at(row) if abs(each[name]) >= least}) or [least]
-        place, jitter = divmod(share * len(own), 1.0)
-        jittered = own[int(place)] * (1.0 + JITTER_STRENGTH * (2.0 * jitter - 1.0))
+        strengths = sorted({each[name] for each in about.at(row) if abs(each[name]) >= least}) or [least]
+        place, jitter = divmod(share * len(strengths), 1.0)
+        jittered = strengths[int(place)] * (1.0 + JITTER_STRENGTH * (2.0 * jitter - 1.0))
         return float(np.clip(jittered, *limits[name]))
 
     def parameter(axis: Axis, share: float) -> float:

@@ -97,8 +97,8 @@ class EmulatorInputs:
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
         conditions = self.scene.simulator.known_conditions(at, scene)
         prefix = f"{EFFECTS}{effect.name}."
-        own = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
-        numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **own}
+        values = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
+        numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **values}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         with failures_of(effect, "dose"):
             dose = np.where(effect.can_act(conditions), effect.dose(params, conditions), 0.0)
@@ -137,9 +137,9 @@ class Emulator:
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]."""
-        found = self.emulators[observable]
-        mean = found.process.mean(request_points(found.inputs, conditions, parameters, effects))
-        return np.tile(from_scale(found.scale, mean), (len(seeds), 1))
+        emulator = self.emulators[observable]
+        mean = emulator.process.mean(request_points(emulator.inputs, conditions, parameters, effects))
+        return np.tile(from_scale(emulator.scale, mean), (len(seeds), 1))
 
     @cached_property
     def joint_errors(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
@@ -147,28 +147,28 @@ class Emulator:
         by_scene: dict[Path, list[str]] = {}
         for name, each in self.emulators.items():
             by_scene.setdefault(each.inputs.scene.measure.scene, []).append(name)
-        found = {}
+        errors = {}
         for scene, names in by_scene.items():
-            own = [self.emulators[name] for name in names]
-            joint = joint_errors([each.process for each in own], [each.trained for each in own])
-            found[scene] = (tuple(names), joint)
-        return found
+            emulators = [self.emulators[name] for name in names]
+            joint = joint_errors([each.process for each in emulators], [each.trained for each in emulators])
+            errors[scene] = (tuple(names), joint)
+        return errors
 
     def uncertainty(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
         places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
         for place, (observable, conditions, doses) in enumerate(queries):
-            found = self.emulators[observable.name]
-            places.setdefault(found.inputs.scene.measure.scene, []).append(place)
-            points.append(request_points(found.inputs, conditions, parameters, {**effects, **doses}))
-            value = from_scale(found.scale, found.process.mean(points[-1]))
-            steepness.append(slope(observable, value) / slope(found.scale, value))
+            emulator = self.emulators[observable.name]
+            places.setdefault(emulator.inputs.scene.measure.scene, []).append(place)
+            points.append(request_points(emulator.inputs, conditions, parameters, {**effects, **doses}))
+            value = from_scale(emulator.scale, emulator.process.mean(points[-1]))
+            steepness.append(slope(observable, value) / slope(emulator.scale, value))
         rows = slices([each.size for each in steepness])
         whole = np.zeros((rows[-1].stop,) * 2)
-        for scene, own in places.items():
+        for scene, indices in places.items():
             names, joint = self.joint_errors[scene]
-            chosen = [(names.index(queries[place][0].name), points[place]) for place in own]
-            at = np.concatenate([np.arange(rows[place].start, rows[place].stop) for place in own])
+            chosen = [(names.index(queries[place][0].name), points[place]) for place in indices]
+            at = np.concatenate([np.arange(rows[place].start, rows[place].stop) for place in indices])
             whole[np.ix_(at, at)] = joint.covariance(chosen)
         return whole * np.outer(*[np.concatenate(steepness)] * 2)
 
@@ -204,8 +204,8 @@ def fit_emulators(
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
         values = np.array([simulator.value_in_unit(result, measure) for result in results])
-        scale, known = observables[name], values[np.isfinite(values)]
-        if scale.transform == "identity" and known.size and known.min() > 0.0:
+        scale, finite = observables[name], values[np.isfinite(values)]
+        if scale.transform == "identity" and finite.size and finite.min() > 0.0:
             scale = Observable(name, "log")
         z = to_scale(scale, values)
         good = np.isfinite(z)

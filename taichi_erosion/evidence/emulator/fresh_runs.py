@@ -136,25 +136,28 @@ class FreshSimulator:
             keys = frozenset(request.key for _, request in flat)
             if len(keys - self.stored_keys) <= room_left(self.training):
                 results = execute_requests(self.training, [request for _, request in flat], progress)
-                found: dict[Point, list[RunResult]] = {point: [] for point in points}
+                results_by_point: dict[Point, list[RunResult]] = {point: [] for point in points}
                 for (point, _), result in zip(flat, results, strict=True):
-                    found[point].append(result)
+                    results_by_point[point].append(result)
                 failed = sum(bool(result.failure) for result in results)
-                made = self.setting_runs(settings, rows, found, (seeds, weight.size))
-                return FreshCampaign(made, keys, seeds, failed)
+                runs = self.setting_runs(settings, rows, results_by_point, (seeds, weight.size))
+                return FreshCampaign(runs, keys, seeds, failed)
         return FreshCampaign((), keys, 0)
 
-    def weighty_rows(self, asked: Sequence[Request], weight: Floats) -> list[TestedRow]:
+    def weighty_rows(self, requests: Sequence[Request], weight: Floats) -> list[TestedRow]:
         """Rows of the sets of conditions that weigh most, `MOST_CONDITIONS` of every scene, as asked."""
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
         tested: list[TestedRow] = []
-        for observable, rows, conditions in asked:
-            name, known = self.mapping.observables[observable.name], self.mapping.model_conditions(conditions)
+        for observable, rows, conditions in requests:
+            name, columns = (
+                self.mapping.observables[observable.name],
+                self.mapping.model_conditions(conditions),
+            )
             emulator = self.emulators[name]
             scene = emulator.inputs.scene
             group, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
             for k, row in enumerate(map(int, rows)):
-                at, measure = row_at(known, k), scene.simulator.measures[name]
+                at, measure = row_at(columns, k), scene.simulator.measures[name]
                 tested.append(TestedRow(row, observable, place, emulator, measure, at))
                 group.setdefault(tuple(sorted(at.items())), []).append(row)
         chosen: set[int] = set()
@@ -183,7 +186,7 @@ class FreshSimulator:
     ) -> tuple[FreshRuns, ...]:
         """Results of a campaign as values of every setting in the `shape` (seeds, rows)."""
         scenes = {scene.measure.scene: scene for scene in self.training.scenes}
-        readings = {p: self.readings(scenes[p[0]], own, shape[0]) for p, own in results_of.items()}
+        readings = {p: self.readings(scenes[p[0]], results, shape[0]) for p, results in results_of.items()}
         scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
         return tuple(SettingRows(each, rows, readings, scatter).runs(shape) for each in settings)
 
@@ -197,8 +200,8 @@ class FreshSimulator:
 
     def scatter(self, scene: StudyScene, readings: Readings) -> SceneScatter:
         """Scatter of one run, pooled over the points of a scene with that of its training runs."""
-        known = np.array([self.emulators[name].process.scatter for name in scene.observables])
-        total, freedom = PRIOR_FREEDOM * np.diag(known**2), PRIOR_FREEDOM
+        sd = np.array([self.emulators[name].process.scatter for name in scene.observables])
+        total, freedom = PRIOR_FREEDOM * np.diag(sd**2), PRIOR_FREEDOM
         for point, values in readings.items():
             whole = values[np.isfinite(values).all(axis=1)]
             if point[0] == scene.measure.scene and whole.shape[0] > 1:
@@ -237,23 +240,23 @@ class SettingRows:
         most = max((each.covariance.shape[0] for each in self.scatter.values()), default=1)
         values, columns = np.full(shape, np.nan), np.zeros((shape[1], len(points), most))
         for each in self.rows:
-            own, errors = self.reading(each)
+            readings, errors = self.reading(each)
             scale = each.emulator.scale
-            values[:, each.row] = to_scale(each.observable, from_scale(scale, own))
-            mean = from_scale(scale, seed_mean(own[:, np.newaxis]))
+            values[:, each.row] = to_scale(each.observable, from_scale(scale, readings))
+            mean = from_scale(scale, seed_mean(readings[:, np.newaxis]))
             steepness = np.nan_to_num(slope(each.observable, mean) / slope(scale, mean))
             columns[each.row, points.index(each.point(self.setting)), : errors.size] = errors * steepness
         names = dict.fromkeys(each.observable.name for each in self.rows)
         tests = {name: self.test([r for r in self.rows if r.observable.name == name]) for name in names}
-        told = {name: test for name, test in tests.items() if test is not None}
-        return FreshRuns(values, columns.reshape(shape[1], -1), told)
+        tests_by_name = {name: test for name, test in tests.items() if test is not None}
+        return FreshRuns(values, columns.reshape(shape[1], -1), tests_by_name)
 
     def reading(self, row: TestedRow) -> tuple[Floats, Floats]:
         """Values (seeds,) of a row, and errors of one sd of their mean (observables of its scene,)."""
         point = row.point(self.setting)
-        own = self.readings[point][:, row.place]
+        readings = self.readings[point][:, row.place]
         errors = np.linalg.cholesky(self.scatter[point[0]].covariance)[row.place]
-        return own, errors / np.sqrt(max(int(np.isfinite(own).sum()), 1))
+        return readings, errors / np.sqrt(max(int(np.isfinite(readings).sum()), 1))
 
     def test(self, rows: Sequence[TestedRow]) -> GapTest | None:
         """Whether the emulator of one observable is off by more than its stated error; None without runs."""
@@ -263,19 +266,19 @@ class SettingRows:
                 first.setdefault(row.point(self.setting), row)
         if not first:
             return None
-        kept, emulator = list(first.values()), rows[0].emulator
-        at = {path: np.array([row.at[path] for row in kept]) for path in kept[0].at}
-        acting = [self.setting.at(row.at)[0] for row in kept]
+        tested, emulator = list(first.values()), rows[0].emulator
+        at = {path: np.array([row.at[path] for row in tested]) for path in tested[0].at}
+        acting = [self.setting.at(row.at)[0] for row in tested]
         effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
         inputs = request_points(emulator.inputs, at, self.setting.parameters, effects)
-        pairs = [self.reading(row) for row in kept]
+        pairs = [self.reading(row) for row in tested]
         mean = np.array([seed_mean(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])
         emulated, own_sd = emulator.process.mean(inputs), emulator.process.uncertainty(inputs)
         gap, total = mean - emulated, own_sd + np.diag(error**2)
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
-        p = float(special.fdtrc(gap.size, self.scatter[kept[0].measure.scene].freedom, statistic))
+        p = float(special.fdtrc(gap.size, self.scatter[tested[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
-        told = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
-        sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, told)
-        return GapTest(p, kept[worst].row, *map(float, (told[0], sd[0], told[1], sd[1])))
+        sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
+        sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
+        return GapTest(p, tested[worst].row, *map(float, (sizes[0], sd[0], sizes[1], sd[1])))

@@ -124,9 +124,9 @@ class GaussianProcess:
         """
         excess = self.width**2 * ((self.weights / self.precision) ** 2 - 1.0 / self.precision)
         weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
-        for psi, own in zip(at.psi.T, self.training.psi.T, strict=True):
-            acts = own != 0.0
-            weight[:, acts] *= np.minimum((psi[:, np.newaxis] / own[acts]) ** 2, 1.0)
+        for psi, covariance in zip(at.psi.T, self.training.psi.T, strict=True):
+            acts = covariance != 0.0
+            weight[:, acts] *= np.minimum((psi[:, np.newaxis] / covariance[acts]) ** 2, 1.0)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
 
     @cached_property
@@ -154,8 +154,8 @@ def rbf_kernel(one: Floats, other: Floats, length: float) -> Floats:
 
 def kernel_parts(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
-    bare, own = reads.conditions[0], reads.numbers[0]
-    bare_one, bare_other, x_one, x_other = one.c[:, bare], other.c[:, bare], one.x[:, own], other.x[:, own]
+    bare, part = reads.conditions[0], reads.numbers[0]
+    bare_one, bare_other, x_one, x_other = one.c[:, bare], other.c[:, bare], one.x[:, part], other.x[:, part]
     shape = (one.x.shape[0], other.x.shape[0])
     parts = np.zeros((len(reads.conditions) + 2, *shape))
     parts[0] = TREND**2 * (1.0 + x_one @ x_other.T + bare_one @ bare_other.T)
@@ -260,8 +260,8 @@ class JointErrors:
         which, run = self.runs.observable, self.runs.place
         scatter = np.array([process.amplitude[-1] for process in self.processes])
         alike = self.correlation[-1][np.ix_(which, which)] * np.outer(scatter[which], scatter[which])
-        found = self.smooth(self.runs, self.runs) + alike * (run[:, np.newaxis] == run)
-        return found + JITTER * np.eye(run.size)
+        kernel = self.smooth(self.runs, self.runs) + alike * (run[:, np.newaxis] == run)
+        return kernel + JITTER * np.eye(run.size)
 
     def smooth(self, one: Values, other: Values) -> Floats:
         """Prior covariance of values."""
@@ -286,20 +286,20 @@ class JointErrors:
         covariance += weights @ self.prior @ weights.T
         width = np.array([process.width for process in self.processes])[which]
         covariance *= np.outer(width, width)
-        for (place, points), own in zip(queries, slices(sizes), strict=True):
-            covariance[own, own] += self.processes[place].lack_of_fit_covariance(points)
+        for (place, points), block in zip(queries, slices(sizes), strict=True):
+            covariance[block, block] += self.processes[place].lack_of_fit_covariance(points)
         return covariance
 
-    def weights(self, asked: Sequence[tuple[int, Points]]) -> Floats:
+    def weights(self, queries: Sequence[tuple[int, Points]]) -> Floats:
         """Weights of all training values in the emulated values of some points."""
-        rows = slices([points.x.shape[0] for _, points in asked])
+        rows = slices([points.x.shape[0] for _, points in queries])
         columns = slices([each.size for each in self.training_runs])
-        found = np.zeros((rows[-1].stop, columns[-1].stop))
-        for (place, points), row in zip(asked, rows, strict=True):
+        matrix = np.zeros((rows[-1].stop, columns[-1].stop))
+        for (place, points), row in zip(queries, rows, strict=True):
             process = self.processes[place]
             cross = process.covariance(process.training, points)
-            found[row, columns[place]] = linalg.cho_solve((process.factor, True), cross).T
-        return found
+            matrix[row, columns[place]] = linalg.cho_solve((process.factor, True), cross).T
+        return matrix
 
 
 def joint_errors(processes: Sequence[GaussianProcess], training_runs: Sequence[Integers]) -> JointErrors:
@@ -308,8 +308,8 @@ def joint_errors(processes: Sequence[GaussianProcess], training_runs: Sequence[I
     correlation = np.tile(np.eye(count), (processes[0].amplitude.size + 1, 1, 1))
     for a, b in combinations(range(count), 2):
         _, first, second = np.intersect1d(training_runs[a], training_runs[b], return_indices=True)
-        found = pair_correlations(processes[a], first, processes[b], second)
-        correlation[:, a, b] = correlation[:, b, a] = found
+        matrix = pair_correlations(processes[a], first, processes[b], second)
+        correlation[:, a, b] = correlation[:, b, a] = matrix
     valid = np.array([valid_correlation(each, 0.0) for each in correlation])
     return JointErrors(tuple(processes), tuple(training_runs), valid)
 
@@ -344,8 +344,8 @@ def pair_correlations(
 
     bounds = [(-FARTHEST, FARTHEST)] * shared.shape[0]
     start = np.zeros(shared.shape[0])
-    found = scipy.optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
-    return np.tanh(found.x)
+    matrix = scipy.optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
+    return np.tanh(matrix.x)
 
 
 def whiten(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:

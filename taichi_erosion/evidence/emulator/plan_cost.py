@@ -45,14 +45,14 @@ class PlanCost:
         """One line for people."""
         if not self.first + self.later + self.fresh:
             return f"No run is to be made: all {self.kept} are kept from before."
-        kept = f"; {self.kept} more are kept from before" if self.kept else ""
+        stored = f"; {self.kept} more are kept from before" if self.kept else ""
         rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
         later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
         later += (
             f"{' and' if later else ', then'} at most {self.fresh} that it ends with" if self.fresh else ""
         )
         cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
-        return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{kept}."
+        return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{stored}."
 
 
 def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:

@@ -190,10 +190,10 @@ def spread_over(
 ) -> list[TrainingRun]:
     """Runs of scenes, of the bare model and of every effect."""
     problem, runs = training.study.problem, []
-    known, adopted = known_effects(problem), [candidate.name for candidate in problem.adopted]
+    candidates, adopted = known_effects(problem), [candidate.name for candidate in problem.adopted]
     for scene in scenes:
         runs += design.spread_runs(scene, None, size, tag)
-        for each in (known[name] for name in dict.fromkeys([*effects, *adopted])):
+        for each in (candidates[name] for name in dict.fromkeys([*effects, *adopted])):
             if design.inactive_reason(scene, each.name, expected_strength(each)) is None:
                 runs += design.spread_runs(scene, each, size, tag)
     return runs
@@ -331,9 +331,9 @@ def measure_faults(
     by_flag: dict[str, list[Any]] = {}
     for each in (each for record in records for each in record.get("shortfalls", ())):
         by_flag.setdefault(each["flag"], []).append(each)
-    for flag, found in by_flag.items():
-        if len(found) >= COMMON * len(records):
-            middle = sorted(found, key=lambda each: each["found"])[(len(found) - 1) // 2]
+    for flag, results in by_flag.items():
+        if len(results) >= COMMON * len(records):
+            middle = sorted(results, key=lambda each: each["found"])[(len(results) - 1) // 2]
             blocks = bool(middle["blocks"])
             blocked = blocked or blocks
             if flag not in SIZE_FLAGS or not same_size:
@@ -385,12 +385,12 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     assert isinstance(model, NameMapping)
     mapped = replace(model, model=emulator)
 
-    def uncertainty(asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
-        known = [
+    def uncertainty(queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
+        renamed = [
             (observable, mapped.model_conditions(conditions), doses)
-            for observable, conditions, doses in asked
+            for observable, conditions, doses in queries
         ]
-        return emulator.uncertainty(known, parameters, effects)
+        return emulator.uncertainty(renamed, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
     return replace(problem, model=mapped, uncertainty=uncertainty, dosed_by_row=True, runs=None)

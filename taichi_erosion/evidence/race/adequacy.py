@@ -63,8 +63,8 @@ def misfit_p(fit: Fit, levels: bool) -> float:
     u = np.where(usual, rows.scales.start, fit.scales)
     u = np.where(discrepancies(fit), -np.inf, u)
     if fit.dose is not None:
-        own = rows.block == len(fit.blocks) - 1
-        rows = replace(rows, y=rows.y - rows.columns[:, own] @ fit.dose.coefficients)
+        factors = rows.block == len(fit.blocks) - 1
+        rows = replace(rows, y=rows.y - rows.columns[:, factors] @ fit.dose.coefficients)
         u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
     size = np.array([rows.y @ rows.posterior_at(u + z * doubt).precision[0] for z in NODES])

@@ -73,12 +73,12 @@ def nuisance(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors
     """Every block that a table allows; `known` rows were measured, `unit` (n,) is their standard error."""
     blocks = []
     for index, observable in enumerate(rows.observables):
-        own = rows.which == index
-        fitted = np.flatnonzero(own & is_known)
+        mask = rows.which == index
+        fitted = np.flatnonzero(mask & is_known)
         if not fitted.size:
             continue
         name, size = observable.name, float(np.median(unit[fitted]))
-        column = np.where(own, size, 0.0)
+        column = np.where(mask, size, 0.0)
         blocks.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=priors.near)))
         if fitted.size > 3:
             columns = smooth_columns(rows, name, is_known, size)
@@ -117,10 +117,10 @@ def shared_columns(
     """
     columns, names, label = [], [], np.array(labels)
     for index, observable in enumerate(rows.observables):
-        own = rows.which == index
-        count = int(np.sum(own & is_known))
-        for each in dict.fromkeys(label[own]):
-            chosen = own & (label == each)
+        mask = rows.which == index
+        count = int(np.sum(mask & is_known))
+        for each in dict.fromkeys(label[mask]):
+            chosen = mask & (label == each)
             seen = int(np.sum(chosen & is_known))
             if count and (1 < seen < count or not seen):
                 columns.append(chosen.astype(np.float64))
@@ -137,11 +137,11 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 
 
 def smooth_columns(
-    rows: ComparisonRows, observable: str, known: Bools, size: float, along: str = ""
+    rows: ComparisonRows, observable: str, mask: Bools, size: float, along: str = ""
 ) -> Floats:
     """Columns F (n, q) of a smooth function along one condition, or all: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
-    fitted, kernel = known[at], np.ones((at.size, at.size))
+    fitted, kernel = mask[at], np.ones((at.size, at.size))
     for name in [along] if along else rows.conditions:
         column = rows.conditions[name][at]
         axis = axis_scale(column[fitted])

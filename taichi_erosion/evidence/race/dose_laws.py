@@ -62,9 +62,9 @@ class LawRows:
 
     def linear(self, w: Floats) -> Floats:
         """Residual at v = 0 and minus slopes along v (n, 1 + p), at doses of all rows."""
-        found = self.gain @ (along(self.curve, w) + self.offset)
-        found[:, 0] = self.y - found[:, 0]
-        return found
+        slopes = self.gain @ (along(self.curve, w) + self.offset)
+        slopes[:, 0] = self.y - slopes[:, 0]
+        return slopes
 
     def fold_densities(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
         """Ln density of rows outside given those inside, and their misfit."""
@@ -135,8 +135,8 @@ class FittedForm:
         """Draws (m, k) of the numbers within their range."""
         excess = max(1.0, self.misfit / (self.rows.y.size - self.numbers.size))
         random = np.random.default_rng(SEED)
-        found = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
-        return found.clip(*self.ends)
+        sample = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
+        return sample.clip(*self.ends)
 
 
 Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left out that it explains
@@ -246,9 +246,9 @@ def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: Fitte
 
 def cross_validation(rows: LawRows, fit: FittedForm | None = None) -> Floats:
     """Ln density of every fold given the others with a form fitted to these, and its misfit, summed."""
-    found = np.zeros(2)
+    errors = np.zeros(2)
     for fold in np.unique(rows.folds):
         outside = rows.folds == fold
         w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
-        found += rows.fold_densities(w, ~outside, outside)
-    return found
+        errors += rows.fold_densities(w, ~outside, outside)
+    return errors

@@ -77,20 +77,20 @@ class Dosing:
 
     def slope(self, v: Floats, w: Floats, mean: Floats) -> Floats:
         """Slope (m n,) of the mean along w."""
-        found, each = [], np.arange(w.size) // mean.size
+        slopes, each = [], np.arange(w.size) // mean.size
         for k in range(len(self.mechanisms)):
             h = np.where(each == k, np.where(w > np.mean(self.ends, axis=0), -0.05, 0.05), 0.0)
-            found.append(np.nan_to_num((self.at(v, w + h)[1] - mean) / h[each == k]))
-        return np.concatenate(found)
+            slopes.append(np.nan_to_num((self.at(v, w + h)[1] - mean) / h[each == k]))
+        return np.concatenate(slopes)
 
     def expansion_about(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
         dose = Doses(self.root @ beta, self.slope(at.v, w, at.mean), self.root)
         size = scale("dose", cauchy=self.race.priors.dose)
         block = Block("dose", "", dose.change(self.root, at.mean.size), size)
-        known = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
+        expansion = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
         return self.race.fit_at_scales(
-            replace(at, **known, blocks=(*self.race.blocks, block), dose=dose), steps, u
+            replace(at, **expansion, blocks=(*self.race.blocks, block), dose=dose), steps, u
         )
 
     def behind(self, fit: Fit) -> bool:
@@ -141,9 +141,9 @@ class Dosing:
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
         now = fit.evidence.solved
-        own = now.rows.block == len(self.race.blocks)
+        steps = now.rows.block == len(self.race.blocks)
         tau = float(np.exp(fit.scales[len(self.race.blocks)]))
-        turn = tau * now.centre[own] - beta
+        turn = tau * now.centre[steps] - beta
         turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(self.root @ turn))), 1e-12))
         return np.clip(fit.target - fit.v, -FAR, FAR), turn, tau
 
@@ -223,11 +223,13 @@ def add_second(race: Race, every: Sequence[Dosing]) -> None:
         some = likely[: len(likely) // 2]
         tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
     more = log(race.priors.step / max(len(race.model.candidates) + count - 1, 1))
-    found = []
+    fits = []
     for one, start, w in tried:
-        own = replace(one, log_prior=one.log_prior + more)
-        found.append((own, own.expansion_about(start, Doses(w, w, own.root).coefficients, w, None, FIRST), w))
+        dosing = replace(one, log_prior=one.log_prior + more)
+        fits.append(
+            (dosing, dosing.expansion_about(start, Doses(w, w, dosing.root).coefficients, w, None, FIRST), w)
+        )
     least = max(map(score, race.fits.values())) + log(KEEP)
-    for one, seen, w in sorted(found, key=lambda each: -score(each[1]))[:CARRIED]:
+    for one, seen, w in sorted(fits, key=lambda each: -score(each[1]))[:CARRIED]:
         if score(seen) > least:
             one.optimise(seen, w)

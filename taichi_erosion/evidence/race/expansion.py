@@ -84,8 +84,8 @@ class RaceModel:
 
     def unit_values(self, v: Floats) -> Floats:
         """Calibrated numbers in their units."""
-        told = zip(self.prepared.axes, self.numbers(v), strict=True)
-        return np.array([axis_value(axis, float(x)) for axis, x in told])
+        pairs = zip(self.prepared.axes, self.numbers(v), strict=True)
+        return np.array([axis_value(axis, float(x)) for axis, x in pairs])
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
@@ -123,9 +123,9 @@ class RaceModel:
         total, table = np.zeros(p.which.size), np.array(list(doses.values()))
         for dose in np.unique(table, axis=1).T:
             rows = np.flatnonzero(np.all(table.T == dose, axis=1))
-            own = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
+            predictor = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
             there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
-            total[rows] = seed_mean(own.compute(x, acting | there, seeds))
+            total[rows] = seed_mean(predictor.compute(x, acting | there, seeds))
         return total + self.shift
 
     def sure_mean(self, names: Acting, v: Floats) -> Floats:
@@ -137,8 +137,8 @@ class RaceModel:
     def errors(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
-        own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)
-        return np.hstack([p.rows.shared, own])
+        errors = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)
+        return np.hstack([p.rows.shared, errors])
 
     def jacobian(self, names: Acting, v: Floats, mean: Floats, doses: Conditions | None = None) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""

@@ -158,9 +158,9 @@ class Race:
 
     def __post_init__(self) -> None:
         rows, sd, self.priors = self.prepared.rows, self.prepared.sd, self.model.priors
-        known = np.ones(rows.size, dtype=np.bool_)
-        self.blocks = tuple(nuisance(rows, known, sd, self.priors))
-        large = unlisted_blocks(rows, known, self.blocks, self.priors)
+        finite = np.ones(rows.size, dtype=np.bool_)
+        self.blocks = tuple(nuisance(rows, finite, sd, self.priors))
+        large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = scatter_of(self.prepared, self.priors.doubt)
 
@@ -190,8 +190,8 @@ class Race:
         if fresh:
             other = evidence(rows, rows.scales.start, steps)
             found = max(found, other, key=lambda each: each.log_evidence)
-        known: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
-        return Fit(**known, evidence=replace(found, log_evidence=found.log_evidence + extra))
+        settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
+        return Fit(**settings, evidence=replace(found, log_evidence=found.log_evidence + extra))
 
     def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
         """Misfit of a mean with all errors at their best, but numbers, strengths and doses held, + |v|^2."""
@@ -199,9 +199,9 @@ class Race:
         shared = np.arange(now.tau.size) >= fit.v.size
         if fit.dose is not None:
             shared &= now.rows.block != len(fit.blocks) - 1
-        own, share = now.rows.columns[:, shared] * now.tau[shared], now.row_share
-        matrix = own.T @ (share[:, None] * own) + np.eye(own.shape[1])
-        vector = own.T @ (share * work.residual)
+        residual, share = now.rows.columns[:, shared] * now.tau[shared], now.row_share
+        matrix = residual.T @ (share[:, None] * residual) + np.eye(residual.shape[1])
+        vector = residual.T @ (share * work.residual)
         limits = work.deviance - float(np.sum(work.residual**2))
         return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
@@ -353,8 +353,8 @@ class Race:
             return None
         jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
         hypothesis = replace(parent.hypothesis, names=names)
-        known = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
-        return self.fit_at_scales(Expansion(*known, log_prior, dose=parent.dose), 5)
+        start = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
+        return self.fit_at_scales(Expansion(*start, log_prior, dose=parent.dose), 5)
 
     def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
         """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
@@ -376,5 +376,5 @@ class Race:
     def likely(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
         """Fits of at least some probability, best first."""
         share = self.posterior()
-        found = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
-        return sorted(found, key=lambda fit: -share[fit.hypothesis])
+        fits = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
+        return sorted(fits, key=lambda fit: -share[fit.hypothesis])

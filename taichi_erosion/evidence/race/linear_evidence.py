@@ -57,10 +57,10 @@ class Scales:
                 (self.normal, 0.5 * log(2.0 / pi) + wide - 0.5 * square, 1.0 - square, 2.0 * square),
                 (self.doubt, -0.5 * off**2 - np.log(self.doubt), -off / self.doubt, self.doubt**-2),
             )
-        found = np.zeros((3, u.size))
-        for known, *rows in tables:
-            found = np.where(np.isfinite(known), rows, found)
-        return float(found[0].sum()), found[1], found[2]
+        densities = np.zeros((3, u.size))
+        for logs, *rows in tables:
+            densities = np.where(np.isfinite(logs), rows, densities)
+        return float(densities[0].sum()), densities[1], densities[2]
 
     def __add__(self, other: "Scales") -> "Scales":
         """These scales, then others."""
@@ -148,8 +148,10 @@ class LinearPosterior:
 
     def scales_of(self, others: Scales) -> Floats:
         """Scales of these names here; at their priors where there is none."""
-        known = dict(zip(self.rows.scales.names, self.u, strict=True))
-        return np.array([known.get(name, u) for name, u in zip(others.names, others.start, strict=True)])
+        scales_by_name = dict(zip(self.rows.scales.names, self.u, strict=True))
+        return np.array(
+            [scales_by_name.get(name, u) for name, u in zip(others.names, others.start, strict=True)]
+        )
 
     @property
     def value(self) -> float:
@@ -169,8 +171,8 @@ class LinearPosterior:
         share, best = np.exp(-2.0 * self.u[count:]), self.tau * self.centre
         moved = inverse @ self.products[:k]
         for o in range(k):
-            left = energy[o] - 2.0 * best @ projections[o] + best @ squares[o] @ best
-            gradient[count + o] += share[o] * left + np.trace(moved[o]) - counts[o]
+            remainder = energy[o] - 2.0 * best @ projections[o] + best @ squares[o] @ best
+            gradient[count + o] += share[o] * remainder + np.trace(moved[o]) - counts[o]
             cross = 2.0 * owner.T @ np.einsum("ij,ji->i", moved[o], inverse)
             curvature[:count, count + o] = curvature[count + o, :count] = cross
             for other in range(k):
@@ -201,9 +203,9 @@ class LinearPosterior:
 
     def against(self, columns: Floats) -> tuple[Floats, Floats]:
         """G^T V^-1 y (k,) and G^T V^-1 G (k, k) of other columns G (n, k)."""
-        own = self.row_share[:, np.newaxis] * columns
-        cross = own.T @ (self.rows.columns * self.tau)
-        return columns.T @ self.precision[0], columns.T @ own - cross @ self.inverse @ cross.T
+        share = self.row_share[:, np.newaxis] * columns
+        cross = share.T @ (self.rows.columns * self.tau)
+        return columns.T @ self.precision[0], columns.T @ share - cross @ self.inverse @ cross.T
 
 
 def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> LinearPosterior:

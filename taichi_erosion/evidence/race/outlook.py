@@ -104,8 +104,8 @@ def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
 
 def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
     """Median of some values of rows for each observable; 0 where it has no row."""
-    own = [values[rows.which == k] for k in range(len(rows.observables))]
-    return np.array([np.median(each) if each.size else 0.0 for each in own])
+    indices = [values[rows.which == k] for k in range(len(rows.observables))]
+    return np.array([np.median(each) if each.size else 0.0 for each in indices])
 
 
 def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
@@ -122,10 +122,10 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
     """Fitted rows, then the others at their predicted mean, with one shared error for each instrument."""
     steep, size = np.zeros(other.size), np.zeros(other.size)
     for k, observable in enumerate(other.observables):
-        own = other.which == k
-        value = from_scale(observable, mean[own])
-        steep[own] = slope(observable, value)
-        size[own] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[own]
+        column = other.which == k
+        value = from_scale(observable, mean[column])
+        steep[column] = slope(observable, value)
+        size[column] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[column]
     sizes = np.append(np.max(fitted.shared, axis=1, initial=0.0), np.nan_to_num(size))
     told = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
     both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
@@ -151,13 +151,13 @@ class Outlook:
 
     def covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
-        own, alone = self.scaled_columns(smooth)
-        return own @ self.solved.inverse @ own.T + alone @ alone.T
+        factor, alone = self.scaled_columns(smooth)
+        return factor @ self.solved.inverse @ factor.T + alone @ alone.T
 
     def variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
-        own, alone = self.scaled_columns(smooth)
-        return np.sum(own @ self.solved.inverse * own, axis=1) + np.sum(alone**2, axis=1)
+        factor, alone = self.scaled_columns(smooth)
+        return np.sum(factor @ self.solved.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
     def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
@@ -203,20 +203,20 @@ def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses |
         return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
     both = model.prepared.rows
     kernels = dose_columns(both, np.arange(both.size) < n)
-    own = dosing_of(replace(place.race, model=model), fit, kernels[fit.hypothesis.along])
-    known = np.tile(np.arange(both.size) < n, len(fit.doses))
-    w = own.root @ np.linalg.lstsq(own.root[known], fit.dose.w, rcond=None)[0]
-    w[known] = fit.dose.w
-    w, mean = own.at(v, w)
-    return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.root)
+    dosing = dosing_of(replace(place.race, model=model), fit, kernels[fit.hypothesis.along])
+    mask = np.tile(np.arange(both.size) < n, len(fit.doses))
+    w = dosing.root @ np.linalg.lstsq(dosing.root[mask], fit.dose.w, rcond=None)[0]
+    w[mask] = fit.dose.w
+    w, mean = dosing.at(v, w)
+    return mean, dosing.slopes(v, w, mean), Doses(w, dosing.slope(v, w, mean), dosing.root)
 
 
 def both_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
-    known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
-    usual, unknown = nuisance(both, known, unit, priors), OUTSIDE in fit.hypothesis.beside
-    large = unlisted_blocks(both, known, usual, priors)[fit.hypothesis.along] if unknown else []
+    mask, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
+    usual, unknown = nuisance(both, mask, unit, priors), OUTSIDE in fit.hypothesis.beside
+    large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)
@@ -249,11 +249,13 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     )
     rows = race.linear(conditioned)[0]
     seen = np.any(rows.columns != 0.0, axis=0)
-    order, kept = np.argsort(~seen, kind="stable"), replace(rows, columns=rows.columns[:, seen])
+    order, linear_rows = np.argsort(~seen, kind="stable"), replace(rows, columns=rows.columns[:, seen])
     kinds = np.array([block.kind in ("discrepancy", "unlisted") for block in blocks] + [False])
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
-        replace(kept, block=rows.block[seen]).with_bad(fit.evidence.bad).posterior_at(fit.evidence.solved.u),
+        replace(linear_rows, block=rows.block[seen])
+        .with_bad(fit.evidence.bad)
+        .posterior_at(fit.evidence.solved.u),
         (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
         rows.block[~seen],
@@ -263,8 +265,8 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
 
 def kappa(place: JointRows, solved: LinearPosterior) -> Floats:
     """Scatter of other rows over what is stated (m,)."""
-    known = dict(zip(solved.rows.scales.names, solved.u, strict=True))
-    return np.exp([known.get(f"scatter {name}", 0.0) for name in place.rows.names])
+    evidence = dict(zip(solved.rows.scales.names, solved.u, strict=True))
+    return np.exp([evidence.get(f"scatter {name}", 0.0) for name in place.rows.names])
 
 
 def forecast(posterior: Posterior, place: JointRows) -> Forecast:
@@ -296,9 +298,9 @@ def left_out(posterior: Posterior) -> Floats:
     """
     weights, shares, random = [], [], np.random.default_rng(SEED)
     for h, p in posterior.likely.items():
-        known = posterior.race.fits[h].evidence
-        bad = list(known.bad)
-        for now, _, weight in scale_draws(known.solved, p, random):
+        evidence = posterior.race.fits[h].evidence
+        bad = list(evidence.bad)
+        for now, _, weight in scale_draws(evidence.solved, p, random):
             residual, diagonal = now.precision
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
@@ -359,5 +361,5 @@ def chance_of_worse(place: JointRows, before: Outlook, after: Outlook, good: Boo
     """
     size = np.sqrt(place.rows.variance + place.simulated + after.variance(False))
     change = ((after.mean(False) - before.mean(False)) / size)[good]
-    left = ((place.rows.z - after.mean(False)) / size)[good]
-    return float(special.ndtr(change @ left / max(float(np.sqrt(change @ change)), 1e-12)))
+    residual = ((place.rows.z - after.mean(False)) / size)[good]
+    return float(special.ndtr(change @ residual / max(float(np.sqrt(change @ change)), 1e-12)))

@@ -75,15 +75,15 @@ class Posterior:
     @property
     def likely(self) -> dict[Hypothesis, float]:
         """Hypotheses that are worth another run of the model, with probabilities of which the sum is 1."""
-        told = {h: p for h, p in self.probability.items() if p > KEEP}
-        return {h: p / sum(told.values()) for h, p in told.items()}
+        shares = {h: p for h, p in self.probability.items() if p > KEEP}
+        return {h: p / sum(shares.values()) for h, p in shares.items()}
 
     @cached_property
     def draws(self) -> list[Draws]:
         """Draws of every hypothesis that matters."""
         draws_of_fits, random = list[Draws](), np.random.default_rng(SEED)
-        told = {h: p for h, p in self.probability.items() if p > 1e-3}
-        for fit, share in [(self.race.fits[h], p / sum(told.values())) for h, p in told.items()]:
+        shares = {h: p for h, p in self.probability.items() if p > 1e-3}
+        for fit, share in [(self.race.fits[h], p / sum(shares.values())) for h, p in shares.items()]:
             each = max(4, int(DRAWS * share / SCALES))
             _, values, weights = zip(*scale_draws(fit.evidence.solved, share, random, each), strict=True)
             draws_of_fits.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
@@ -93,8 +93,8 @@ class Posterior:
     def numbers(self) -> tuple[Floats, Floats]:
         """Calibrated numbers (m, p) in their units, and weights (m,)."""
         count, unit_values = self.race.model.count, self.race.model.unit_values
-        found = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
-        return found, np.concatenate([each.weight for each in self.draws])
+        values = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
+        return values, np.concatenate([each.weight for each in self.draws])
 
     @property
     def best(self) -> Fit:
@@ -116,12 +116,12 @@ class Posterior:
         weight = np.concatenate([each.weight for each in self.draws])
         return values[values > 0.0], weight[values > 0.0]
 
-    def strengths(self, drawn: Draws, name: str) -> Floats:
+    def strengths(self, draws: Draws, name: str) -> Floats:
         """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""
-        names = drawn.fit.hypothesis.names
+        names = draws.fit.hypothesis.names
         if name not in names:
-            return np.zeros(drawn.weight.size)
-        column = drawn.values[:, self.race.model.count + names.index(name)]
+            return np.zeros(draws.weight.size)
+        column = draws.values[:, self.race.model.count + names.index(name)]
         return np.array([self.race.model.strength(name, v) for v in column])
 
 

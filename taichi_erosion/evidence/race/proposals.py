@@ -64,9 +64,9 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
 # -- explanations
 
 
-def right(told: Hypothesis, true: Hypothesis) -> bool:
+def right(hypothesis: Hypothesis, true: Hypothesis) -> bool:
     """Whether what one explanation says is right where another holds: all that it names acts, or nothing."""
-    return told.acting <= true.acting if told.acting else not true.acting
+    return hypothesis.acting <= true.acting if hypothesis.acting else not true.acting
 
 
 def name_of(hypothesis: Hypothesis) -> str:
@@ -79,18 +79,18 @@ def name_of(hypothesis: Hypothesis) -> str:
 
 def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
-    found: dict[tuple, tuple[Hypothesis, float]] = {}
+    answers: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
-        likeliest, whole = found.get((h.names, h.beside), (h, 0.0))
-        found[h.names, h.beside] = likeliest, whole + p
-    kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
-    leading = next(iter(kept))
+        likeliest, whole = answers.get((h.names, h.beside), (h, 0.0))
+        answers[h.names, h.beside] = likeliest, whole + p
+    shares = dict(sorted(answers.values(), key=lambda each: -each[1])[:MOST])
+    leading = next(iter(shares))
 
     def agreeing(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
         return sum(p for other, p in some.items() if right(leading, other) == right(leading, h))
 
-    told = {h: p for h, p in kept.items() if p > 0.1 * KEEP}
-    return {h: p * agreeing(probability, h) / agreeing(told, h) for h, p in told.items()}
+    probabilities = {h: p for h, p in shares.items() if p > 0.1 * KEEP}
+    return {h: p * agreeing(probability, h) / agreeing(probabilities, h) for h, p in probabilities.items()}
 
 
 # -- what they expect
@@ -113,8 +113,8 @@ def experiment(
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
         ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
         expected[name_of(each.hypothesis)] = Interval(*map(float, ends))
-    stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
-    return ExperimentPart(rows.names[at], stated, expected, chance, cost)
+    conditions = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
+    return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 
 
 def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
@@ -128,10 +128,10 @@ def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]
     return replace(found, group=tuple(f"|{row}" for row in range(found.size)))  # each a set-up of its own
 
 
-def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
+def settings(rows: ComparisonRows, indices: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
     """Sets of conditions (m, c) of one observable; what none of its rows states is NaN."""
     table = np.column_stack(list(rows.conditions.values()))
-    is_stated = np.isfinite(table[own]).any(axis=0)
+    is_stated = np.isfinite(table[indices]).any(axis=0)
     measured = [(np.nanmin(column), np.nanmax(column)) for column in table.T]
     low, high = np.array([ranges.get(n, each) for n, each in zip(rows.conditions, measured, strict=True)]).T
     middle = np.where(low > 0.0, np.sqrt(np.abs(low * high)), 0.5 * (low + high))

@@ -74,8 +74,8 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     for name in effects:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
-            if (found := race.with_effect(parent, name, log_prior(race, hypothesis))) is not None:
-                race.store(found)
+            if (fit := race.with_effect(parent, name, log_prior(race, hypothesis))) is not None:
+                race.store(fit)
 
 
 def add_unlisted(race: Race, parent: Fit) -> None:
@@ -83,8 +83,10 @@ def add_unlisted(race: Race, parent: Fit) -> None:
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
-            known = {"hypothesis": hypothesis, "log_prior": log_prior(race, hypothesis)}
-            race.store(race.gauss_newton(race.fit_at_scales(replace(parent, **known, blocks=blocks), 10), 2))
+            settings = {"hypothesis": hypothesis, "log_prior": log_prior(race, hypothesis)}
+            race.store(
+                race.gauss_newton(race.fit_at_scales(replace(parent, **settings, blocks=blocks), 10), 2)
+            )
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -152,8 +152,8 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
         if column.title not in units:
             there = ", ".join(units) or "none"
             yield f"{where}: no column '{column.title}'; conditions there: {there}"
-        elif unit not in ("", stated := units[column.title]):
-            yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
+        elif unit not in ("", kind := units[column.title]):
+            yield f"{where} is in [{unit}]; {column.title} is in [{kind}]: give it so"
 
 
 def table_of(
@@ -194,8 +194,8 @@ def with_all_conditions(
     for column in reader.of("condition", *(() if reader.tidy else ("group",))):
         cells = {line: row[column.place] for line, row in reader.cells.lines}
         stated = {row.observable for row in rows if not is_missing(cells[row.line])}
-        asked = {row.line: cells[row.line] for row in rows if row.observable in stated}
-        bare = {line: cell for line, cell in asked.items() if is_missing(cell)}
+        blanks = {row.line: cells[row.line] for row in rows if row.observable in stated}
+        bare = {line: cell for line, cell in blanks.items() if is_missing(cell)}
         where = f"column '{column.heading.text}'"
         if column.role == "condition" and names and column.title not in names:
             continue
@@ -237,23 +237,23 @@ class RowReader:
 
     def fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
         """Keep what is wrong with a cell."""
-        told = (
+        message = (
             f"{self.cells.file}: row {line}, {column.heading.text} = {quote_cell(row[column.place])} {words}"
         )
-        self.wrong.setdefault((column.place, str(words)), []).append(told)
+        self.wrong.setdefault((column.place, str(words)), []).append(message)
 
     def cell_faults(self) -> Iterator[str]:
         """What is wrong with cells; of many with one reason the first and the number of the others."""
-        for told in self.wrong.values():
-            alone = len(told) <= SOLO_ROWS
-            yield from told if alone else [f"{told[0]}; {len(told) - 1} rows more"]
+        for messages in self.wrong.values():
+            alone = len(messages) <= SOLO_ROWS
+            yield from messages if alone else [f"{messages[0]}; {len(messages) - 1} rows more"]
 
     def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
         places = [column.place for column in self.of("condition")]
         if not self.tidy and (summary := summing_word(self.cells, row, places)):
-            told = f"row {line}, '{summary}': the row sums up others; remove it"
-            self.faults.append(f"{self.cells.file}: {told}")
+            message = f"row {line}, '{summary}': the row sums up others; remove it"
+            self.faults.append(f"{self.cells.file}: {message}")
             return
         numbers = [(each.title, self.number(line, row, each)) for each in self.of("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
@@ -334,8 +334,8 @@ class RowReader:
         length = self.number(line, row, bed, unit="m").value
         if 0.0 < length < LOWEST_WIND * column.height:
             return friction_factor(column.height, length)
-        told = f"must lie above 0 and below a tenth of the height of the wind, {column.height:g} m"
-        self.fault(line, bed, row, told)
+        message = f"must lie above 0 and below a tenth of the height of the wind, {column.height:g} m"
+        self.fault(line, bed, row, message)
         return nan
 
     def scale(self, written: str, unit: str) -> Scale:
@@ -348,17 +348,17 @@ class RowReader:
             hint = error.hint or "write the number alone"
             raise CellFault(f"has the unit '{written}', which is not known; {hint}") from None
         if unit_scale is None:
-            told = f"a column in {unit}" if unit else "a column without unit"
-            raise CellFault(f"is a number in {written} in {told}")
+            message = f"a column in {unit}" if unit else "a column without unit"
+            raise CellFault(f"is a number in {written} in {message}")
         return unit_scale
 
     def positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
         """A number that is not negative; NaN, and a fault, for another one."""
-        found = self.number(line, row, column, unit=unit).value
-        if found < 0.0 or (found == 0.0 and column.role in ("sd", "se")):
+        number = self.number(line, row, column, unit=unit).value
+        if number < 0.0 or (number == 0.0 and column.role in ("sd", "se")):
             self.fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
-        return found
+        return number
 
     def partners(self, role: Role, column: Column) -> list[Column]:
         """Columns of scatter or repeats that belong to an observable."""
