@@ -1,6 +1,6 @@
 """Table of all claims in the README beside this file, and the figure of the page of trust.
 
-`python -m tests.verification.page [ID]...`: all checks if none is named, half an hour. Claims that differ in
+`python -m tests.verification.page [ID]...`: all checks if none is named, up to an hour. Claims that differ in
 a number or in precision alone share a row, which shows the one nearest to its tolerance.
 """
 
