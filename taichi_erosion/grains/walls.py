@@ -216,7 +216,10 @@ def move_walls(walls_out: ti.template(), replicas_out: ti.template(), r):
 
 @ti.func
 def follow_table(walls_out: ti.template(), s, time):
-    """Set velocity and spin of surface s as its table says, linear in time; after its end the last ones."""
+    """Set velocity and spin of surface s as its table says, linear in time; after its end the last ones.
+
+    What its servo adds to them stays.
+    """
     count = walls_out.row_count[s]
     if count > 0:
         low = walls_out.row[s]
@@ -227,7 +230,11 @@ def follow_table(walls_out: ti.template(), s, time):
         now = before + share * (after - before)
         walls_out.velocity[s] = ti.Vector([now[1], now[2], now[3]])
         walls_out.spin[s] = ti.Vector([now[4], now[5], now[6]])
-        walls_out.servo_speed[s] = 0.0
+        added = walls_out.servo_speed[s] * walls_out.axis[s]
+        if walls_out.servo[s] == FORCE:
+            walls_out.velocity[s] = walls_out.velocity[s] + added
+        elif walls_out.servo[s] == TORQUE:
+            walls_out.spin[s] = walls_out.spin[s] + added
 
 
 @ti.func

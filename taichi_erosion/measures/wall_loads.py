@@ -1,6 +1,7 @@
 """Forces and torques of the grains on walls, and what soil tests read from them."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import atan, degrees, nan, sqrt
 
 import numpy as np
@@ -12,6 +13,7 @@ from taichi_erosion.measures.wind_bed import block_mean
 
 PEAK_SHARE = 1.0 / 16.0  # of the frames, over which a strength is averaged [1]
 LEAST_FRAMES = 16
+TINY = 1e-30  # keeps a ratio finite where nothing presses [N]
 
 
 def wall_loads(contacts: ContactNetwork) -> Floats:
@@ -43,28 +45,82 @@ def mean_of(name: str, series: Sequence[float], unit: str) -> Measurement:
     return Measurement(name, series[0], nan, unit) if len(series) == 1 else block_mean(name, series, unit)
 
 
-def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
-    """Angle of friction in a plane that is sheared [deg]: that of the force on all that lies on its one side.
+@dataclass(frozen=True)
+class Strength:
+    """Force across and along the normal of a sheared plane [N], and where their ratio is largest."""
 
-        angle = atan(max T / N)
+    across: Floats  # by frame
+    normal: Floats
+    peak: int  # first frame of the window of the largest mean ratio
+    width: int  # of that window, in frames
 
-    N force along `axis`, the normal of the plane, T force across it; the ratio is a running mean over a
-    sixteenth of the frames. `sd` is the standard error in that window. `details` has the ratio at the peak
-    and at the end, and N there.
-    """
-    name, width = "friction_angle", max(round(PEAK_SHARE * len(loads)), 1)
+    def in_window(self, series: Floats) -> Floats:
+        """Part of a series in the window of the largest ratio."""
+        return series[self.peak : self.peak + self.width]
+
+    @property
+    def ratio(self) -> float:
+        """Largest running mean of force across over force along the normal [1]."""
+        return float(self.in_window(self.across).mean() / self.in_window(self.normal).mean())
+
+
+def strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
+    """Strength in a plane that is sheared, of the force on all on its one side, or what it lacks."""
+    width = max(round(PEAK_SHARE * len(loads)), 1)
     if len(loads) < LEAST_FRAMES:
-        return no_measurement(name, "deg", f"{len(loads)} frames; at least {LEAST_FRAMES} are needed")
+        return f"{len(loads)} frames; at least {LEAST_FRAMES} are needed"
     force = np.array([load[:3] for load in loads])
     normal = force @ axis
     across = np.linalg.norm(force - normal[:, np.newaxis] * axis, axis=1)
     if not normal.any():
-        return no_measurement(name, "deg", "no grain presses on the walls")
+        return "no grain presses on the walls"
     mean = np.ones(width) / width
-    pressed = np.maximum(np.convolve(np.abs(normal), mean, "valid"), 1e-30)
-    ratio = np.convolve(across, mean, "valid") / pressed
-    peak = int(np.argmax(ratio))
-    window = across[peak : peak + width] / pressed[peak]
-    error = float(np.std(window, ddof=1)) / sqrt(width) / (1.0 + ratio[peak] ** 2) if width > 1 else nan
-    details = {"peak": float(ratio[peak]), "end": float(ratio[-1]), "normal_force": float(pressed[peak])}
-    return Measurement(name, degrees(atan(ratio[peak])), degrees(error), "deg", details=details)
+    pressed = np.maximum(np.convolve(np.abs(normal), mean, "valid"), TINY)
+    return Strength(
+        across, np.abs(normal), int(np.argmax(np.convolve(across, mean, "valid") / pressed)), width
+    )
+
+
+def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
+    """Angle of friction in a plane that is sheared [deg], at its peak.
+
+        angle = atan(max T / N)
+
+    N force along `axis`, the normal of the plane, T force across it; the ratio is a running mean over a
+    sixteenth of the frames. `sd` is the standard error in that window. `details` has the ratio there, and N.
+    """
+    name = "friction_angle"
+    if isinstance(peak := strength(loads, axis), str):
+        return no_measurement(name, "deg", peak)
+    ratio, pressed = peak.ratio, float(peak.in_window(peak.normal).mean())
+    window = peak.in_window(peak.across) / pressed
+    error = float(np.std(window, ddof=1)) / sqrt(peak.width) / (1.0 + ratio**2) if peak.width > 1 else nan
+    details = {"peak": ratio, "normal_force": pressed}
+    return Measurement(name, degrees(atan(ratio)), degrees(error), "deg", details=details)
+
+
+def residual_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
+    """Angle of friction over the last quarter of the frames [deg]; `sd` is the error of that mean."""
+    name = "residual_friction_angle"
+    if isinstance(peak := strength(loads, axis), str):
+        return no_measurement(name, "deg", peak)
+    rest = len(loads) - len(loads) // 4
+    mean = block_mean(name, (peak.across[rest:] / max(peak.normal[rest:].mean(), TINY)).tolist(), "deg")
+    error = degrees(mean.sd / (1.0 + mean.value**2))
+    return replace(mean, value=degrees(atan(mean.value)), sd=error)
+
+
+def at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
+    """Stress across or along the normal [Pa], or displacement across it [m], where the ratio is largest."""
+    unit = "m" if name == "peak_displacement" else "Pa"
+    if isinstance(peak := strength(loads, axis), str):
+        return no_measurement(name, unit, peak)
+    shift = np.array([load[6:] - loads[0][6:] for load in loads])
+    series = {
+        "shear_stress": peak.across / area,
+        "normal_stress": peak.normal / area,
+        "peak_displacement": np.linalg.norm(shift - np.outer(shift @ axis, axis), axis=1),
+    }[name]
+    window = peak.in_window(series)
+    error = float(np.std(window, ddof=1)) / sqrt(peak.width) if peak.width > 1 else nan
+    return Measurement(name, float(window.mean()), error, unit)

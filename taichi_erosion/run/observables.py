@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import copysign, inf, nan
+from math import copysign, inf, nan, prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class MeasureInput:
     profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
     window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
-    loads: tuple[Floats, ...] = ()  # `wall_loads` of the frames, where a measure reads them
+    loads: tuple[Floats, ...] = ()  # `wall_loads` and shifts of the frames, where a measure reads them
     poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
     network: Callable[[], ContactNetwork] | None = None  # contacts at the end
 
@@ -89,10 +89,15 @@ class MeasureInput:
 
     @property
     def wall_load(self) -> list[Floats]:
-        """Force and torque on the walls of the measure together, by frame."""
+        """Force and torque on the walls of the measure together, and shift of the first, by frame."""
         names = sorted(self.scene.geometry)
         rows = [names.index(name) for name in self.request.walls or names]
-        return [load[rows].sum(axis=0) for load in self.loads]
+        return [np.append(load[rows, :6].sum(axis=0), load[rows[0], 6:]) for load in self.loads]
+
+    @property
+    def area(self) -> float:
+        """Area that the measure states, or that of the periodic patch [m2]."""
+        return self.request.area or prod(self.scene.patch_size or ())
 
     @property
     def base_height(self) -> float:
@@ -186,6 +191,11 @@ def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
     return measure
 
 
+def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of a plane that is sheared, where its strength is largest."""
+    return lambda given: wall_loads.at_peak(name, given.wall_load, given.axis, given.area)
+
+
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "repose_angle": lambda e: heap.repose_angle(
         e.heap, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
@@ -200,6 +210,8 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "wall_force": lambda e: wall_loads.force_along(e.wall_load, e.axis),
     "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
     "friction_angle": lambda e: wall_loads.friction_angle(e.wall_load, e.axis),
+    "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
+    **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
     "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow(

@@ -42,9 +42,7 @@ class ReplicaState:
     measurements: dict[str, Measurement] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
-    loads: list[Floats] = field(
-        default_factory=list
-    )  # `wall_loads` of the frames, where a measure reads them
+    loads: list[Floats] = field(default_factory=list)  # of walls at the frames, with their shifts, if read
     search: ThresholdSearch | None = None  # from the begin of a threshold stage on
 
     @property
@@ -141,7 +139,11 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))
         if set(OF_WALLS) & set(measured_in(scene, state.stage)):
-            state.loads.append(wall_loads(simulation.contact_network(sim, replica)))
+            loads, poses = (
+                wall_loads(simulation.contact_network(sim, replica)),
+                simulation.wall_poses(sim, replica),
+            )
+            state.loads.append(np.hstack([loads, [pose.translation for pose in poses.values()]]))
 
 
 def measured_in(scene: Scene, stage: int) -> list[str]:

@@ -172,7 +172,9 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
             components = option.get("prefixItems", ())
             branch = components[int(key)] if int(key) < len(components) else option.get("items")
         elif branch is None:
-            branch = named_section(option)
+            items = option.get("items", {})
+            named = any("name" in each.get("properties", ()) for each in options(schema, items))
+            branch = items if named else named_section(option)
         if isinstance(branch, dict):
             yield branch
 
@@ -223,9 +225,13 @@ def place_in_table(holder: dict[str, Any], key: str, above: list[str]) -> str:
 
 
 def place_in_list(holder: Any, key: str) -> int:
-    """Position in a list, counted from 0. Raises ValueError."""
+    """Position in a list, counted from 0, of a place or of a section by its name. Raises ValueError."""
     if not isinstance(holder, list):
         raise ValueError(f"'{key}' lies below a value that is not a table")
+    names = [entry.get("name") for entry in holder if isinstance(entry, dict)]
+    if key in names:
+        return names.index(key)
     if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
-        raise ValueError(f"'{key}' is not a place in a list of {len(holder)}")
+        near = did_you_mean(key, [name for name in names if isinstance(name, str)])
+        raise ValueError(f"'{key}' is not a place in a list of {len(holder)}{near}")
     return int(key)

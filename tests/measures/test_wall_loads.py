@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import ContactNetwork
-from taichi_erosion.measures.wall_loads import force_along, friction_angle, torque_about, wall_loads
+from taichi_erosion.measures.wall_loads import (
+    at_peak,
+    force_along,
+    friction_angle,
+    residual_friction_angle,
+    torque_about,
+    wall_loads,
+)
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -43,7 +50,18 @@ def test_a_friction_angle_is_that_of_the_largest_mean_ratio():
     loads = [np.array([each * 3.0, each * 4.0, -10.0, 0.0, 0.0, 0.0]) for each in ratio]  # T = 5 ratio
     found = friction_angle(loads, UP)
     assert found.value == pytest.approx(degrees(atan(0.5 * ratio[36:40].mean())))
-    assert found.details["end"] == pytest.approx(0.25)
     assert found.details["normal_force"] == pytest.approx(10.0)
+    rest = residual_friction_angle(loads, UP)
+    assert (rest.value, rest.sd) == (pytest.approx(degrees(atan(0.25))), pytest.approx(0.0, abs=1e-12))
     assert np.isnan(friction_angle(loads[:8], UP).value)
     assert np.isnan(friction_angle([np.zeros(6)] * 20, UP).value)
+
+
+def test_stresses_and_the_displacement_are_those_of_the_peak():
+    places = np.linspace(0.0, 63e-3, 64)  # m, along x and, of the lid, up
+    loads = [
+        np.array([0.0, 8.0 if k < 32 else 2.0, -10.0, 0.0, 0.0, 0.0, x, 0.0, x]) for k, x in enumerate(places)
+    ]
+    assert at_peak("shear_stress", loads, UP, 0.5).value == pytest.approx(16.0)
+    assert at_peak("normal_stress", loads, UP, 0.5).value == pytest.approx(20.0)
+    assert at_peak("peak_displacement", loads, UP, 0.5).value == pytest.approx(places[:4].mean())

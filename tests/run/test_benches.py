@@ -1,6 +1,6 @@
 """Shipped benches at reduced size: their numbers beside laws, stated loads and published angles."""
 
-from math import pi, sqrt
+from math import atan, degrees, pi, sqrt
 
 import pytest
 
@@ -29,6 +29,20 @@ def test_a_sheared_layer_carries_its_load_and_slides_at_the_friction_of_soils():
     found = measured("plane_shear", "grains.count=480", "stages.3.duration_max=0.12")
     assert found["wall_force"] == pytest.approx(13.0, rel=0.02)  # N, that of the servo
     assert 26.0 < found["friction_angle"] < 40.0  # deg; 36.1 is published, 30 to 33 as early as here
+
+
+def test_a_small_shear_box_reads_the_load_of_its_lid_and_an_angle_near_that_of_glass_beads():
+    radius = {"floor.radius": 0.013, "lower.radius": 0.013, "table.hole": 0.013, "upper.radius": 0.013}
+    radius |= {"frame.hole": 0.013, "lid.radius": 0.0128}
+    small = [f"geometry.{path}={value}" for path, value in radius.items()]
+    small += ["grains.count=1250", "fill.radius=0.011", "stages.shear.move.lid.force=-5.31"]
+    small += [f"measure.{name}.area=5.31e-4" for name in ("normal_stress", "shear_stress")]
+    found = measured("shear_box", *small)
+    assert 0.95e4 < found["normal_stress"] < 1.3e4  # Pa; friction of the walls adds to the load of 10 kPa
+    ratio = found["shear_stress"] / found["normal_stress"]
+    assert degrees(atan(ratio)) == pytest.approx(found["friction_angle"], abs=0.1)
+    assert 18.0 < found["residual_friction_angle"] < found["friction_angle"] < 36.0  # deg; 20.9 without a box
+    assert 0.5e-3 < found["peak_displacement"] < 6e-3
 
 
 def test_a_bed_of_two_soils_is_as_dense_as_poured_mixtures():

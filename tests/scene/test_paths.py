@@ -8,7 +8,7 @@ from scene_tables import SCENES, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene, resolve
-from taichi_erosion.scene.paths import meaning_of, schema_text
+from taichi_erosion.scene.paths import meaning_of, schema_text, unit_of_path
 from taichi_erosion.scene.schema.scene import Stage
 
 BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.count.a.b=3|grains.count=1 2"
@@ -20,6 +20,7 @@ BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.
         ("grains.count=77", ("grains", "count"), 77),
         ("contact.soil-steel.restitution = 0.3", ("contact", "steel-soil", "restitution"), 0.3),
         ("stages.1.duration_max=0.25", ("stages", 1, "duration_max"), 0.25),
+        ("stages.lift.duration_max=0.25", ("stages", 1, "duration_max"), 0.25),
         ("laws.normal=jkr", ("laws", "normal"), "jkr"),
         ("geometry.plate.centre=[0, 0, 0.01]", ("geometry", "plate", "centre"), [0.0, 0.0, 0.01]),
         ("geometry.plate.radius_d=40", ("geometry", "plate", "radius"), 0.08),
@@ -38,6 +39,12 @@ def test_an_order_that_cannot_be_followed_is_told(order: str):
     with pytest.raises(BadInput, match="--set") as refused:
         parse_scene(good_table(), overrides=[order])
     assert "\n" not in str(refused.value)
+
+
+def test_a_stage_has_its_name_as_a_place():
+    assert unit_of_path("stages.shear.move.lid.force") == unit_of_path("stages.3.move.lid.force") == "N"
+    with pytest.raises(BadInput, match="did you mean lift"):
+        parse_scene(good_table(), overrides=["stages.lft.duration_max=1.0"])
 
 
 def test_the_schema_beside_the_scenes_is_fresh_and_every_number_of_it_has_a_unit():

@@ -62,6 +62,15 @@ def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it():
     assert ends(sim, WHOLE) == whole
 
 
+def test_a_servo_beside_a_table_falls_from_above_onto_the_grains():
+    still = tuple((time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for time in (0.0, 1.0))
+    sim = simulation.assemble([replace(press(), tables=(still,))], LAWS, Numerics("cpu", 1))
+    servo = Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)
+    simulation.move_surface(sim, 0, "wall 2", Motion(table=still, servo=servo))
+    ends(sim, HALF)
+    assert mean_loads(sim, WHOLE)[2, 2] == pytest.approx(FORCE, rel=0.1)
+
+
 def test_a_servo_turns_a_wall_against_the_friction_of_grains_with_its_torque():
     sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
     simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(False, -10.0 * FORCE, (0.0, 0.0, 1.0), 0.2)))

@@ -40,7 +40,9 @@ FROM_THRESHOLDS = (
 )
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
 UNDER_WIND = (*("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress"), *SPLASH)  # means
-OF_WALLS = ("wall_force", "wall_torque", "friction_angle")  # read from the forces of the grains on walls
+OF_STRESS = ("shear_stress", "normal_stress")  # of a plane that is sheared
+OF_SHEAR = ("friction_angle", "residual_friction_angle", "peak_displacement", *OF_STRESS)
+OF_WALLS = ("wall_force", "wall_torque", *OF_SHEAR)  # read from the forces of the grains on walls
 BY_KIND = ("pile_height", "centroid_height", "radius_90", "runout_radius", "column_height", "bed_height")
 BY_KIND += ("mass_flow", "flux", "flux_height", "settling_velocity", *SPLASH)  # read from grains alone
 OF_ONE_COLUMN = ("bed_stress", "pressure_drop")  # measures that read its mixing length or its rising air
@@ -207,6 +209,9 @@ class Measure(Section):
     walls: tuple[Name, ...] = Field((), description="walls on which a force is read; left out: all")
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
     centre: Vector = position(ORIGIN, "a point of the axis of a torque")
+    area: float | None = number(
+        None, "m2", "of the plane on which a stress acts; left out: that of the periodic box", 1e-12, 1e6
+    )
     kind: Name | None = Field(default=None, description="kind of grains that alone is read; left out: all")
     file: str | None = Field(
         default=None, max_length=400, description="Python file of a measure of your own, beside the scene"
@@ -400,6 +405,8 @@ def measure_problems(scene: Scene) -> Iterator[str]:
     for name, order in scene.measure.items():
         if name == "mass_flow" and order.plane_point is None:
             yield "measure.mass_flow.plane_point is missing: a point of the plane that grains pass"
+        if name in OF_STRESS and order.area is None and scene.patch_size is None:
+            yield f"measure.{name}.area is missing: a stress is a force over an area"
         if order.kind is not None and name not in BY_KIND and order.file is None:
             yield f"measure.{name}.kind: it reads all grains together; leave it out"
         if name in FROM_THRESHOLDS and not searched:
