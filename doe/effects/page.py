@@ -156,8 +156,7 @@ def effect_table(verdicts: Verdicts) -> str:
     rows = []
     for outcome in ("yes", "in sign", "not significant", "no", "open"):
         names = [f"`{saying.effect}`" for saying, verdict in verdicts if verdict.kept == outcome]
-        effects = dict.fromkeys(names)
-        words = f"{len(effects)} effects" if outcome == "yes" else ", ".join(effects)
+        words = f"{len(set(names))} effects" if outcome == "yes" else ", ".join(dict.fromkeys(names))
         rows.append((outcome, str(len(names)), words))
     return markdown_table(("outcome", "sentences", "effects"), rows)
 

@@ -29,7 +29,7 @@ from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer
-from taichi_erosion.evidence.race.record import DecisionPart, HeldOutPart, Interval, Record
+from taichi_erosion.evidence.record import DecisionPart, HeldOutPart, Interval, Record
 
 LEAST = 1e-3  # of a probability that is kept
 Answer = dict[str, Any]

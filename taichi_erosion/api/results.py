@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.race.record import LawPart, Record
+    from taichi_erosion.evidence.record import LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
 DRAWS = 2000  # of a posterior

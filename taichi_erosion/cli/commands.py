@@ -398,13 +398,13 @@ def profile(
     from taichi_erosion.measures.profile import heaps_of_table, write_heaps
     from taichi_erosion.tables.cell_numbers import stated_number
 
-    written = to or table.with_name(f"{table.stem}_heaps.csv")
-    refuse_foreign(written, table, force)
+    csv_file = to or table.with_name(f"{table.stem}_heaps.csv")
+    refuse_foreign(csv_file, table, force)
     grain = stated_number(diameter, "m", "--diameter", "2mm") if diameter else 0.0
     columns, rows = heaps_of_table(table, place, height, grain)
-    write_heaps(written, columns, rows)
-    record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(written)}
-    output.print_result(record, as_json, lambda _: output.print_heaps(columns, rows, written))
+    write_heaps(csv_file, columns, rows)
+    record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(csv_file)}
+    output.print_result(record, as_json, lambda _: output.print_heaps(columns, rows, csv_file))
 
 
 def source_module(name: str) -> ModuleType | None:

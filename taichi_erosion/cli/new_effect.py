@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
-    from taichi_erosion.evidence.race.record import DosePart, LawPart
+    from taichi_erosion.evidence.record import DosePart, LawPart
 
 NEW = "new"  # first word that requests a new file; no effect has this name
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")

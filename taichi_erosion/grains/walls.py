@@ -230,11 +230,11 @@ def follow_table(walls_out: ti.template(), s, time):
         now = before + share * (after - before)
         walls_out.velocity[s] = ti.Vector([now[1], now[2], now[3]])
         walls_out.spin[s] = ti.Vector([now[4], now[5], now[6]])
-        added = walls_out.servo_speed[s] * walls_out.axis[s]
+        servo_part = walls_out.servo_speed[s] * walls_out.axis[s]
         if walls_out.servo[s] == FORCE:
-            walls_out.velocity[s] = walls_out.velocity[s] + added
+            walls_out.velocity[s] = walls_out.velocity[s] + servo_part
         elif walls_out.servo[s] == TORQUE:
-            walls_out.spin[s] = walls_out.spin[s] + added
+            walls_out.spin[s] = walls_out.spin[s] + servo_part
 
 
 @ti.func

@@ -48,14 +48,18 @@ def sides_of(place: Floats, height: Floats) -> Iterator[tuple[Floats, Floats]]:
 def measure_profile(place: Floats, height: Floats, grain: float = 0.0) -> tuple[float, float, float]:
     """Angle of repose [deg], height, and radius of 90 % of the volume; mean of the sides.
 
-    A line through the points of a side between max(0.15 H, 1.25 d) and 0.75 H gives its angle. Raises
-    BadInput where no side has three points there.
+    A line through the points of a side below its top, between max(0.15 H, 1.25 d) and 0.75 H, gives its
+    angle. Raises BadInput where no side has three points there, or one ends above them, without a foot.
     """
     low, high = fit_window(float(height.max()), grain)
     angles, radii = list[float](), list[float]()
     for distance, heights in sides_of(place, height):
         attached = np.cumsum(heights < low) == 0
-        flank = attached & (heights <= high)
+        if attached.all():
+            raise BadInput(
+                f"ends {heights[-1]:.3g} m above 0; heights count from the plate, down to the foot"
+            )
+        flank = attached & (heights <= high) & (np.arange(heights.size) >= np.argmax(heights))
         if flank.sum() >= OUTLINE_BINS:
             slope = fit_polynomial(distance[flank], heights[flank], 1).coefficients[1]
             angles.append(degrees(atan(-slope)))
@@ -79,14 +83,16 @@ def heaps_of_table(
     if faults:
         raise BadInput(*faults)
     chosen = [column_of(cells, place, PLACES, "--place"), column_of(cells, height, HEIGHTS, "--height")]
-    units = [read_heading(cells.heading[column]).unit or "m" for column in chosen]
+    units = [read_heading(cells.heading[column]).unit or "1" for column in chosen]
     factor = [conversion(parse_unit(unit), parse_unit("m")) or nan for unit in units]
     if isnan(sum(factor)):
-        raise BadInput(f"{path}: '{cells.heading[chosen[isnan(factor[1])]]}' is no length")
+        raise BadInput(f"{path}: '{cells.heading[chosen[isnan(factor[1])]]}' has no unit of length: x [mm]")
     points: dict[tuple[str, ...], list[tuple[float, ...]]] = {}
-    for _, row in cells.lines:
+    for line, row in cells.lines:
         others = tuple(cell for column, cell in enumerate(row) if column not in chosen)
         numbers = tuple(read_cell(row[column], cells.decimal_comma).value for column in chosen)
+        if isnan(sum(numbers)):
+            raise BadInput(f"{path}: row {line} has no number for a place or a height; leave it out")
         points.setdefault(others, []).append(numbers)
     rows = []
     for others, profile in points.items():
@@ -110,9 +116,9 @@ def write_heaps(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]
 def column_of(cells: Cells, stated: str | None, words: Sequence[str], option: str) -> int:
     """The column that is stated, or the one whose name is among some words. Raises BadInput."""
     names = [read_heading(text).name.casefold() for text in cells.heading]
-    wanted = (stated.casefold(),) if stated else words
+    choices = (stated.casefold(),) if stated else words
     pairs = zip(names, cells.heading, strict=True)
-    columns = [k for k, (name, text) in enumerate(pairs) if name in wanted or text == stated]
+    columns = [k for k, (name, text) in enumerate(pairs) if name in choices or text == stated]
     if len(columns) != 1:
         raise BadInput(f"{cells.file}: {option} 'HEADING' is needed, one of {', '.join(cells.heading)}")
     return columns[0]

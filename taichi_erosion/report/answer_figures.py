@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
-from taichi_erosion.evidence.race.record import CurvePart, Interval, MechanismPart, Record
+from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity

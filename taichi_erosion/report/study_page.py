@@ -16,7 +16,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, document_file, read_reply
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.evidence.words.answer_lines import Table, sensitivity_table
 from taichi_erosion.evidence.words.part_words import acting

@@ -338,9 +338,9 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     """Meaning of a letter by its unit: `d [mm]`."""
     called = plain_words(heading.name)
     for name, symbols in vocabulary()["symbols"].items():
-        written = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
+        symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
         for letter, unit in (symbol.split(" ", 1) for symbol in symbols):
-            if not heading.unit or written != plain_words(letter):
+            if not heading.unit or symbol_words != plain_words(letter):
                 continue
             if parse_scale(heading.unit).kind == parse_scale(unit).kind:
                 return "condition" if "." in name else "observable", name

@@ -380,8 +380,8 @@ def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
     headings = {place: read_heading(each).name for place, each in enumerate(cells.heading) if each}
     plain = plain_words(text)
     itself = [k for k, name in headings.items() if plain in map(plain_words, (name, cells.heading[k]))][:1]
-    own = plain_words(stem(headings[itself[0]] if itself else text))
-    numbered = [k for k, name in headings.items() if stem(name) != name and plain_words(stem(name)) == own]
+    common = plain_words(stem(headings[itself[0]] if itself else text))
+    numbered = [k for k, name in headings.items() if stem(name) != name and plain_words(stem(name)) == common]
     return itself, numbered if not itself or itself[0] in numbered else []
 
 

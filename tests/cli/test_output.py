@@ -11,7 +11,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.cli.output import MOST_LINES, print_answer
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.data.table_units import KEY
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import NAME_SWITCH
 
 ABOUT = {

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from taichi_erosion.cli.main import main
+from taichi_erosion.evidence import record
 from taichi_erosion.evidence.answers import commands
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.data.problem import SetUpFault
-from taichi_erosion.evidence.race import record
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification.claims import Outcome
 from tests.verification import ladder

@@ -10,7 +10,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.files import FORMAT, Reply, write_reply
-from taichi_erosion.evidence.race.record import DosePart, Interval, LawPart, MechanismPart
+from taichi_erosion.evidence.record import DosePart, Interval, LawPart, MechanismPart
 from taichi_erosion.verification.effect_contract import breaches, usable_probe
 
 # colour is a condition that only the study of the law has

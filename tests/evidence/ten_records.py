@@ -5,10 +5,10 @@ from math import nan
 
 import numpy as np
 
+from taichi_erosion.evidence import record
 from taichi_erosion.evidence.answers.summary import mechanism_parts
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.race import record
-from taichi_erosion.evidence.race.record import (
+from taichi_erosion.evidence.record import (
     DecisionPart,
     EffectPart,
     Interval,

@@ -36,6 +36,15 @@ def test_a_layer_of_fallen_grains_is_no_flank():
     assert angles[0] < 0.8 * ANGLE, "else this tests nothing"
 
 
+def test_a_crater_is_no_flank_and_a_heap_whose_foot_is_not_seen_is_refused():
+    place = np.arange(-60.0, 60.1, 0.5)
+    crater = np.minimum(cone(place), 8.0 + np.abs(place))
+    assert measure_profile(place, crater)[0] == pytest.approx(ANGLE, abs=0.1)
+    for seen in (cone(place) + 6.0, cone(place)[:140]):
+        with pytest.raises(BadInput, match="down to the foot"):
+            measure_profile(place[: seen.size], seen)
+
+
 def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tmp_path: Path):
     table = tmp_path / "scans.csv"
     rows = [
@@ -52,7 +61,12 @@ def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tm
 
 @pytest.mark.parametrize(
     ("heading", "words"),
-    [("a [mm];z [mm]", "--place"), ("x [mm];u [mm]", "--height"), ("x [s];z [mm]", "no length")],
+    [
+        ("a [mm];z [mm]", "--place"),
+        ("x [mm];u [mm]", "--height"),
+        ("x [s];z [mm]", "no unit of length"),
+        ("x;z [mm]", "no unit of length"),
+    ],
 )
 def test_a_column_that_is_not_known_is_asked_for(tmp_path: Path, heading: str, words: str):
     table = tmp_path / "scans.csv"

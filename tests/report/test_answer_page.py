@@ -11,7 +11,7 @@ import pytest
 from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, single, typo
 
 from taichi_erosion.evidence.answers.files import after_adoption
-from taichi_erosion.evidence.race.record import Interval, ParameterPart, RowsPart
+from taichi_erosion.evidence.record import Interval, ParameterPart, RowsPart
 from taichi_erosion.report.answer_figures import rows_by_mark
 from taichi_erosion.report.html import render
 from taichi_erosion.report.study_page import TEMPLATE, answer_page

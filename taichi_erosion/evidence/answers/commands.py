@@ -48,7 +48,7 @@ from taichi_erosion.evidence.race.dose_laws import law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import DecisionPart, Interval, Record
+from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows

@@ -22,9 +22,10 @@ from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.adopted_files import adopted_study
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.record import FitPart, Record
+from taichi_erosion.evidence.record import FitPart, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
+from taichi_erosion.evidence.words.part_words import improves
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
 
@@ -111,7 +112,7 @@ def after_adoption(record: Record, adopted: Record) -> Record:
     fit = {each.name: getattr(adopted, each.name) for each in fields(FitPart)}
     fitted = replace(record, vault=held, **fit)
     none = {"named": (), "group": (), "refuted": named, "mechanisms": {}, "sensitivity": {}}
-    return fitted if fitted.improves else replace(fitted, verdict="none_detected", **none)
+    return fitted if improves(fitted) else replace(fitted, verdict="none_detected", **none)
 
 
 def document_file(folder: Path, stem: str, command: Command) -> Path:
@@ -165,7 +166,7 @@ def extended_ladder(study: Study, record: Record) -> list[Document]:
 
     rungs = [each for each in ladder["rungs"] if each["of"] == of]
     rungs = rungs or [rung(before, record.chi2_per_row_before, held and held.chi2_per_row_before)]
-    if record.improves:
+    if improves(record):
         acting = [*before, *record.named]
         earlier_rungs = [each for each in rungs if len(each["effects"]) < len(acting)]
         rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, held and held.chi2_per_row_after)]

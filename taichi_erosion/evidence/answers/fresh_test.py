@@ -48,7 +48,7 @@ from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, sco
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
-from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome, Verdict
+from taichi_erosion.evidence.record import FreshPart, GapPart, Outcome, Verdict
 
 Simulate = Callable[..., FreshCampaign]  # settings, requests, weights of rows, progress, times the seeds
 OFF = 0.01  # chance below which an emulator is off: a right answer is lost one time in a hundred

@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.evidence.answers.scene_templates import (
     CLOSED_FORM_NUMBERS,
-    HOLDS,
+    INCLUDES,
     LENGTHS,
     READS,
     TEMPLATES,
@@ -253,9 +253,9 @@ def closed_form_content(request: StudyRequest) -> Content:
     if "flux" in request.names and FRICTION_VELOCITY not in request.places.values():
         words = "no column states the friction velocity, on which the flux depends"
         raise BadInput(f"{request.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
-    held = {place for p in request.places.values() for place in HOLDS.get(p, ())}
+    duplicates = {place for p in request.places.values() for place in INCLUDES.get(p, ())}
     # one that the model does not read keeps its place: residuals are tested along it
-    conditions = {n: p if p in held else READS.get(p, p) for n, p in request.places.items()}
+    conditions = {n: p if p in duplicates else READS.get(p, p) for n, p in request.places.items()}
     airs = [name for name, condition in conditions.items() if CONDITION + condition in AIR]
     if airs and {*request.names} != {"repose_angle"}:
         request.interview.assume(f"the density of the air follows from {' and '.join(airs)} (ideal gas)")

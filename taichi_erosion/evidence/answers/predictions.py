@@ -36,8 +36,9 @@ from taichi_erosion.evidence.race.outlook import (
     new_rows,
 )
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
+from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
+from taichi_erosion.evidence.words.part_words import improves
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
@@ -120,7 +121,7 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     for _ in range(LONGEST_CHAIN):
         study = load_study(path, options)
         last = files.read_reply(study.results, path.stem, "adopt")
-        if last is None or not last.record.improves:
+        if last is None or not improves(last.record):
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.named

@@ -41,7 +41,7 @@ from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, score
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior, has_unexplained_misfit
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
-from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.evidence.record import FreshPart
 from taichi_erosion.scene.load import file_text
 
 MOST_POINTS = 3  # explanations about which a round simulates
@@ -212,8 +212,9 @@ def wider_runs(
     runs: TrainingRuns, ready: Study, question: Question, inference: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
-    wanted = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
-    if not wanted or not has_unexplained_misfit(inference.posterior.race):
+    if not question.missing or runs.mechanisms or blocks_verdict(ready.faults):
+        return None
+    if not has_unexplained_misfit(inference.posterior.race):
         return None
     wider = training_runs.with_mechanisms(runs)
     return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None

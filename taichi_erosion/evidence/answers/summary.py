@@ -17,12 +17,12 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
+from taichi_erosion.evidence import record as parts
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, join_rows, tested_by_repeats
 from taichi_erosion.evidence.data.problem import Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_position, axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
@@ -30,7 +30,7 @@ from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
-from taichi_erosion.evidence.race.record import Interval, Record
+from taichi_erosion.evidence.record import Interval, Record
 from taichi_erosion.mechanisms.dose_forms import Form
 
 EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
@@ -258,8 +258,8 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
     some = rows.rows(np.sort(np.random.default_rng(SEED).permutation(measured)[:MOST_ROWS]))
     set_to = ({**some.conditions, along: np.full(some.size, x)} for x in points)
     both = join_rows([rows, *(replace(some, conditions=each) for each in set_to)])
-    known, inside = np.arange(both.size) < rows.size, now.rows.block == index
-    wide = smooth_columns(both, block.observable, known, block.size, fit.hypothesis.along)[rows.size :]
+    mask, inside = np.arange(both.size) < rows.size, now.rows.block == index
+    wide = smooth_columns(both, block.observable, mask, block.size, fit.hypothesis.along)[rows.size :]
     wide = now.tau[inside][0] * wide.reshape(points.size, some.size, -1).mean(axis=1)
     columns, beyond = np.split(wide - wide[0], [block.columns.shape[1] - 1], axis=1)
     columns = np.pad(columns, ((0, 0), (0, 1)))  # of its level, the same everywhere

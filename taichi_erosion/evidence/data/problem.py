@@ -1,6 +1,6 @@
 """Records of an evidence study: measurements, model, calibrated parameters, candidate effects.
 
-They are the whole input of the statistics; `race/record.py` holds the output.
+They are the whole input of the statistics; `evidence/record.py` holds the output.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -30,5 +30,4 @@ tau and f. What is said has SURE of the probability of all hypotheses together, 
     outlook            rows that the race has not seen: predictions, held-out rows
     proposals          measurements that would move the posterior
     adequacy           whether rows refute an explanation
-    record             the answer, as numbers and enumerations (made of a posterior by `answers/summary.py`)
 """

@@ -28,8 +28,8 @@ from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, sca
 from taichi_erosion.evidence.race.linear_evidence import with_best_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
-from taichi_erosion.evidence.race.record import Verdict
 from taichi_erosion.evidence.race.search import prior
+from taichi_erosion.evidence.record import Verdict
 
 MOST_TOLD = 3  # of a group: more is no answer
 VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds

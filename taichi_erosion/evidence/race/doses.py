@@ -214,13 +214,13 @@ def effect_pairs(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) ->
 def add_second(race: Race, every: Sequence[Dosing]) -> None:
     """A second cause beside likely mechanisms and effects, seen from afar; what may be likely is followed."""
     share = race.posterior()
-    likely, tried = sorted(every, key=lambda one: -share[one.hypothesis]), list[Seen]()
-    others, count = likely, len(race.prepared.problem.mechanisms)
+    ranking, tried = sorted(every, key=lambda one: -share[one.hypothesis]), list[Seen]()
+    others, count = ranking, len(race.prepared.problem.mechanisms)
     for _ in range(min(2, count)):
         one, others = others[0], [other for other in others if other.mechanisms != others[0].mechanisms]
         tried += effect_pairs(race, one, race.fits[one.hypothesis], others)
     for fit in sorted(race.sets(1), key=score, reverse=True)[:2]:
-        some = likely[: len(likely) // 2]
+        some = ranking[: len(ranking) // 2]
         tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
     more = log(race.priors.step / max(len(race.model.candidates) + count - 1, 1))
     fits = []

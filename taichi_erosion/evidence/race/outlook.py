@@ -41,7 +41,7 @@ from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Ra
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
-from taichi_erosion.evidence.race.record import HeldOutPart, Interval
+from taichi_erosion.evidence.record import HeldOutPart, Interval
 
 SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
 FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to it

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
-from taichi_erosion.evidence.race.record import ExperimentPart, Interval
+from taichi_erosion.evidence.record import ExperimentPart, Interval
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
 LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8

@@ -11,7 +11,7 @@ from typing import Any
 
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.priors import ADEQUATE
-from taichi_erosion.evidence.race.record import (
+from taichi_erosion.evidence.record import (
     CheckPart,
     ExperimentPart,
     HeldOutPart,
@@ -170,7 +170,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     way = "falls" if after < before else "rises"
     misfits = {"held-out": held.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
-    if not record.improves:
+    if not part_words.improves(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
         fitted = " to ".join(plain(each, 2) for each in ends)

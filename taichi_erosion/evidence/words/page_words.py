@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 
 from taichi_erosion.evidence.race.priors import KEEP, SURE
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability
@@ -81,9 +81,9 @@ def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
     """Explanations with their probabilities, the likeliest first; small ones together."""
     ranked = sorted(record.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
-    likely = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
+    main = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
     rest = [(count_noun(len(small), "other explanation"), sum(small))] if small else []
-    for label, p in [*likely, *rest]:
+    for label, p in [*main, *rest]:
         yield label, p, probability(p)
 
 

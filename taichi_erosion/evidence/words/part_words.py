@@ -8,10 +8,10 @@ from math import isfinite, log
 
 import numpy as np
 
+from taichi_erosion.evidence import record as parts
 from taichi_erosion.evidence.data.problem import SetUpFault
-from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
-from taichi_erosion.evidence.race.record import Interval, LawPart, Record
+from taichi_erosion.evidence.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
 from taichi_erosion.tables.number_words import count_noun, heading, plain
 
@@ -118,6 +118,13 @@ def testable(record: Record) -> bool:
 
 def rows_text(record: Record) -> str:
     return "the other rows" if record.repeats else f"all {count_noun(record.n, 'row')}"
+
+
+def improves(record: Record) -> bool:
+    """Whether what is named lowers the misfit, and no held-out rows refute that."""
+    held = record.vault
+    worse = held is not None and held.chi2_after >= held.chi2_before and not held.p_worse >= ADEQUATE
+    return record.chi2_after < record.chi2_before and not worse
 
 
 def agrees(record: Record) -> bool:

@@ -112,8 +112,8 @@ def run_warnings(document: Document) -> list[str]:
 def run_notes(document: Document) -> Iterator[str]:
     """Limits that the scene states, notes of measures, and what its stiffness and contacts imply."""
     for name, measure in document["measures"].items():
-        stated = (each["sentence"] for each in measure.get("shortfalls", ()) if each["stated"])
-        yield from (f"{quantity(name)}: {sentence}" for sentence in stated)
+        limits = (each["sentence"] for each in measure.get("shortfalls", ()) if each["stated"])
+        yield from (f"{quantity(name)}: {sentence}" for sentence in limits)
         yield from (f"{quantity(name)}: {note}" for note in measure.get("notes", ()))
     yield from consequences(document)
     sources = {wanted.get("source") for wanted in document["measured"].values()}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import isnan
 
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.race.record import Interval
+from taichi_erosion.evidence.record import Interval
 from taichi_erosion.tables.number_words import plain, with_unit
 
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more

@@ -11,7 +11,7 @@ from doe.trials.tables.draw import draw
 from doe.trials.tables.outcome import WORDS, table_metrics, word
 from doe.trials.tables.reading import misread
 from doe.trials.tables.words import QUANTITIES, number
-from taichi_erosion.evidence.race.record import Verdict
+from taichi_erosion.evidence.record import Verdict
 
 SEED = 2**100 + 7
 

@@ -44,7 +44,7 @@ from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.evidence.record import FreshPart
 from taichi_erosion.scene.load import SOURCE, load_scene
 from tests.evidence.emulator.test_training_runs import executing, keys, write
 

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Race, from_axis
 from taichi_erosion.evidence.race.posterior import infer
-from taichi_erosion.evidence.race.record import MechanismPart
+from taichi_erosion.evidence.record import MechanismPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from taichi_erosion.mechanisms.dose_forms import forms_of
 from tests.evidence.ten_records import VOC

@@ -19,7 +19,7 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.posterior import infer, quantiles
-from taichi_erosion.evidence.race.record import ErrorPart, Record
+from taichi_erosion.evidence.record import ErrorPart, Record
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.ten_records import VOC

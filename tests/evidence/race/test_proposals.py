@@ -13,7 +13,7 @@ from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.proposals import LEAST, Rival, best_design, proposals
-from taichi_erosion.evidence.race.record import ExperimentPart
+from taichi_erosion.evidence.record import ExperimentPart
 from tests.evidence.linear_study import linear_problem
 
 OUTCOMES = 512  # mirrored pairs under both explanations

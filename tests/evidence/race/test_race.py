@@ -16,7 +16,7 @@ from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.problem import Candidate, Numbers, Problem
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.posterior import Posterior, infer, quantiles
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.record import Record
 from tests.evidence.linear_study import linear_problem
 
 NULL, SINGLE, UNLISTED, NOISY = 1, 33, 113, 2  # cases of one seed of clean ones

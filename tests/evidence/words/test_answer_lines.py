@@ -19,14 +19,7 @@ from ten_records import (
 )
 
 from taichi_erosion.evidence.answers.files import RECORD, STORED, after_adoption
-from taichi_erosion.evidence.race.record import (
-    EffectPart,
-    ErrorPart,
-    FreshPart,
-    Interval,
-    LevelPart,
-    ScatterPart,
-)
+from taichi_erosion.evidence.record import EffectPart, ErrorPart, FreshPart, Interval, LevelPart, ScatterPart
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
     adopt_answer,

@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import BeforeValidator, PlainSerializer, PlainValidator, computed_field
 
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.race.priors import ADEQUATE
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "open", "untestable", "better_but_not_sufficient"]
@@ -349,17 +348,6 @@ class Record(DecisionPart, FitPart, CostPart):
     def law(self) -> LawPart | None:
         """Law of a mechanism, if there is one."""
         return next((each.law for each in self.mechanisms.values() if each.law is not None), None)
-
-    @property
-    def improves(self) -> bool:
-        """Whether what is named lowers the misfit, and no held-out rows refute that."""
-        held = self.vault
-        worse = (
-            held is not None
-            and held.chi2_per_row_after >= held.chi2_per_row_before
-            and not held.p_worse >= ADEQUATE
-        )
-        return self.chi2_after < self.chi2_before and not worse
 
 
 @dataclass(frozen=True)
