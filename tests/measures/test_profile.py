@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.profile import heaps_of_table, measure_profile
 from taichi_erosion.tables.headings import meaning_of
@@ -45,13 +46,15 @@ def test_a_crater_is_no_flank_and_a_heap_whose_foot_is_not_seen_is_refused():
             measure_profile(place[: seen.size], seen)
 
 
-def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tmp_path: Path):
+def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tmp_path: Path, capsys):
     table = tmp_path / "scans.csv"
     rows = [
         f"{w};{k};{x};{z:.2f}" for w in (0, 4) for k in (1, 2) for x, z in zip(P, cone(P) + w, strict=True)
     ]
     table.write_text("\n".join(["moisture [%];heap;radius [mm];z [cm]", *rows]))
-    columns, heaps = heaps_of_table(table)
+    assert main(["measure", "profile", str(table)]) == 0
+    columns, *heaps = [line.split(",") for line in (tmp_path / "scans_heaps.csv").read_text().splitlines()]
+    assert "study new" in capsys.readouterr().out.splitlines()[-1]
     assert columns[:3] == ["moisture [%]", "heap", "angle of repose [deg]"]
     assert [heap[:2] for heap in heaps] == [["0", "1"], ["0", "2"], ["4", "1"], ["4", "2"]]
     assert float(heaps[0][3]) == pytest.approx(TOP), "in the unit of the heights"

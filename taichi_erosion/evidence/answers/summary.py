@@ -97,10 +97,7 @@ def mechanism_parts(decided: parts.DecisionPart, law: Law | None = None) -> dict
     """Mechanisms that may act, and the one of which a law is known."""
     shares, names = decided.probabilities, decided.acting_mechanisms
     alone = {name: parts.MechanismPart(shares.get(name, 0.0)) for name in names}
-    if law is None:
-        return alone
-    mechanism, *_ = law
-    return alone | {mechanism: law_part(law, shares.get(mechanism, 0.0))}
+    return alone | ({law[0]: law_part(law, shares.get(law[0], 0.0))} if law else {})
 
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
@@ -240,10 +237,8 @@ def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.Curv
             points = np.unique(column[(np.array(rows.names) == block.observable) & np.isfinite(column)])
             if acts < SURE or block.kind != "unlisted" or points.size < 2:
                 continue
-            points = points[
-                np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
-            ]
-            curve = curve_part(name, fit, points, index, rows)
+            some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
+            curve = curve_part(name, fit, points[some], index, rows)
             if curve.shape != "varies":
                 yield curve
 
@@ -281,10 +276,8 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
     ends = np.array([mean, mean - half, mean + half]).T
     kind = kind_of(rows.observables[rows.which[measured[0]]])
     ends = ends if kind == "offset" else np.exp(ends)
-    places = tuple(
-        parts.PointPart(*each, at=x) for x, each in zip(points.tolist(), ends.tolist(), strict=True)
-    )
-    return parts.CurvePart(block.observable, along, kind, shape, turn, places)
+    places = (parts.PointPart(*e, at=x) for x, e in zip(points.tolist(), ends.tolist(), strict=True))
+    return parts.CurvePart(block.observable, along, kind, shape, turn, tuple(places))
 
 
 def law_part(law: Law, probability: float) -> parts.MechanismPart:
@@ -300,7 +293,8 @@ def law_part(law: Law, probability: float) -> parts.MechanismPart:
     sizes = map(law_interval, form.dose(sets, best.numbers), spread)
     settings = [dict(zip(form.conditions, each, strict=True)) for each in at]
     doses = (parts.DosePart(at, *astuple(size)) for at, size in zip(settings, sizes, strict=True))
-    powers = {condition: numbers[name] for condition, name in form.exponents.items()}
+    powers = [(condition, numbers[name]) for condition, name in form.exponents.items()]
+    exponents, low, high = ({at: getattr(x, end) for at, x in powers} for end in ("value", "low", "high"))
     part = parts.LawPart(
         mechanism,
         form.conditions,
@@ -308,9 +302,9 @@ def law_part(law: Law, probability: float) -> parts.MechanismPart:
         form.text.format(**values),
         form.python.format(**{name: f"params.{name}" for name in values}),
         numbers,
-        {condition: power.value for condition, power in powers.items()},
-        {condition: power.low for condition, power in powers.items()},
-        {condition: power.high for condition, power in powers.items()},
+        exponents,
+        low,
+        high,
         share,
         *law_template(form, numbers),
     )

@@ -54,11 +54,6 @@ class Scatter:
     pure: tuple[float, float]  # squares between repeats over these variances, degrees of freedom
     off: Bools  # rows that disagree grossly with their repeats
 
-    @property
-    def repeats(self) -> int:
-        """Degrees of freedom behind the laboratory's own scatter."""
-        return int(self.freedom + self.own_freedom)
-
 
 @dataclass(frozen=True)
 class ObservableNoise:

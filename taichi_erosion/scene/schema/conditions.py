@@ -111,9 +111,3 @@ class Conditions(Section):
         own = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
         table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}
         return {name: float(value) for name, value in table.items() if value is not None} | own
-
-    def unit_of(self, name: str) -> str | None:
-        """Unit in which a condition is stated; None for one that is not there."""
-        if name in self.extra:
-            return self.extra[name].unit
-        return unit_of(type(self).model_fields[name]) if name in type(self).model_fields else None
