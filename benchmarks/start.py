@@ -28,7 +28,7 @@ def stop_after_first_step() -> None:
     """Run the program as a user would; print the processor time after its first step, and end."""
     from taichi_erosion.cli.main import main as program
     from taichi_erosion.core.device import stop_device
-    from taichi_erosion.run import ensemble_loop
+    from taichi_erosion.execution import ensemble_loop
 
     advance = ensemble_loop.advance
 

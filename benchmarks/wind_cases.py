@@ -18,9 +18,9 @@ from taichi_erosion.air.step import STAGES, advance_air
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, log_profile, stretched_faces
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.execution.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.measures.threshold import pool_beds
-from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
-from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene, parse_scene
 from taichi_erosion.scene.load import SCENES, load_air_scene, toml_table
 from taichi_erosion.scene.preparation.air import build_air

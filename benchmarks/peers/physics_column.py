@@ -33,8 +33,8 @@ from benchmarks.peers.codes import ROOT
 from benchmarks.peers.physics_cases import Failed, Start, lying, shear_effective, weight, young_effective
 from benchmarks.peers.physics_measures import Rest
 from taichi_erosion.core.setup import GrainTable, Numerics, Setup
-from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message, run_ensemble
-from taichi_erosion.run.stages import ReplicaState
+from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_ensemble
+from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene
 from taichi_erosion.simulation import assemble, snapshot
 

@@ -18,7 +18,7 @@ from doe.common.tables import read_table, update_table, write_table
 from taichi_erosion.core.errors import BadInput
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
-MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
+MEASURED = ROOT / "taichi_erosion" / "effect_library" / "measured"  # tables that `effects NAME` prints
 STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of nearly uniform sand, over its diameter [1]
 DRAG_ALONE = "effects={}"  # setting of a scene that ships with the forces on a grain at rest

@@ -1,4 +1,4 @@
-"""Shift of every effect, measured with paired seeds; writes taichi_erosion/effects/measured/signatures.csv.
+"""Shift of every effect, measured with paired seeds; writes effect_library/measured/signatures.csv.
 
 python -m doe.effect_signatures.run              all cases of all scenes
 python -m doe.effect_signatures.run EFFECT...    the cases of some effects

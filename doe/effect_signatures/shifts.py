@@ -18,8 +18,8 @@ import numpy as np
 from doe.common.cases import number
 from doe.common.tables import update_table
 from taichi_erosion.core.setup import Floats, Numerics
-from taichi_erosion.run.checks import compatibility_key, read_scene
-from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
+from taichi_erosion.execution.checks import compatibility_key, read_scene
+from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas
 from taichi_erosion.scene import Scene
 
 Values = dict[int, dict[str, float]]  # seed -> observable -> value

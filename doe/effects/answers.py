@@ -32,9 +32,9 @@ from doe.effects.pocket import (
     measured_thresholds,
     saddle_ratio,
 )
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
+from taichi_erosion.execution.result import apply_instruments
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 

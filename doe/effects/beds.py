@@ -1,4 +1,4 @@
-"""Shifts of some effects on a small bed under wind, with paired seeds; writes effects/measured/beds.csv.
+"""Shifts of some effects on a small windy bed, with paired seeds; writes effect_library/measured/beds.csv.
 
 python -m doe.effects.beds              all cases
 python -m doe.effects.beds EFFECT...    the cases of some effects

@@ -18,7 +18,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import AirProfile
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import Scene, laws, parse_scene
 from taichi_erosion.simulation import (
     advance,

@@ -28,7 +28,7 @@ from scipy.optimize import root_scalar
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Effect, read_params
 from taichi_erosion.core.setup import Laws, Numerics
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.simulation import (

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
+from taichi_erosion.execution.checks import read_scene
+from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas
 
 HERE = Path(__file__).parent
 VOLUMES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14)  # cm3/g

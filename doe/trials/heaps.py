@@ -15,8 +15,8 @@ from typing import Any
 import typer
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.checks import compatibility_key, read_scene
-from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
+from taichi_erosion.execution.checks import compatibility_key, read_scene
+from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas
 
 SCENE = Path(__file__).parent / "apparatus" / "column.toml"
 STUDY = SCENE.with_name("study.toml")

@@ -35,7 +35,7 @@ from doe.wind.saturated_sand import (
 )
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.effects import friction_velocity_calibration, grain_density, sieve_diameter
+from taichi_erosion.effect_library import friction_velocity_calibration, grain_density, sieve_diameter
 
 READS = ("saturated.csv",)
 OBSERVABLE = "threshold_u_star"

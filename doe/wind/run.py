@@ -13,7 +13,7 @@ from doe.common.command import words
 from doe.common.tables import lines_of
 from doe.wind.saturated_sand import IN_EVERY_CONTACT
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.effects.dry_adhesion import Params
+from taichi_erosion.effect_library.dry_adhesion import Params
 from tests.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
 from tests.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
 

@@ -24,12 +24,12 @@ from taichi_erosion import simulation
 from taichi_erosion.api.prompt import execute, moment
 from taichi_erosion.api.session_entries import controls
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.execution import session as live
+from taichi_erosion.execution.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
+from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import CHALK, colours_by
 from taichi_erosion.recording.viewer import LOOPBACK, viewer_files
-from taichi_erosion.run import session as live
-from taichi_erosion.run.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
-from taichi_erosion.run.session import Session
 
 PORTION = 0.03  # s of wall time between two moments at which a page acts
 REST = 0.004  # s between two portions, for requests that wait

@@ -11,8 +11,8 @@ import numpy as np
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.run import session as live
-from taichi_erosion.run.session import Session
+from taichi_erosion.execution import session as live
+from taichi_erosion.execution.session import Session
 
 HELP = """\
 step [N]                   run N time steps

@@ -140,7 +140,7 @@ def run(
     grains__count=3000.
     Raises BadInput for a wrong scene or entry, SimulationStopped where every replica fails.
     """
-    from taichi_erosion.run import RunOptions, run_scene
+    from taichi_erosion.execution import RunOptions, run_scene
 
     options = {name: entries.pop(name) for name in OPTIONS if name in entries}
     overrides = stated_changes(changes, entries, OPTIONS)
@@ -209,7 +209,7 @@ def override(path: str, value: Any) -> str:
 
 def effects(effect_files: Sequence[PathLike] = ()) -> pd.DataFrame:
     """All effects, those of own files too: name, title, place, conditions, largest strength [1]."""
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
 
     library = load_library([Path(file) for file in effect_files])
     rows = (

@@ -5,8 +5,8 @@ from typing import Any
 
 from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, parameter_names, reference
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.run.checks import read_scene, scene_effect_files
-from taichi_erosion.run.session import LIVE_WIND, Session, saved_state
+from taichi_erosion.execution.checks import read_scene, scene_effect_files
+from taichi_erosion.execution.session import LIVE_WIND, Session, saved_state
 from taichi_erosion.scene import resolve
 from taichi_erosion.scene.paths import leaves, meaning_of, number_at
 
@@ -76,7 +76,7 @@ def parameter_meaning(effect: Effect, name: str) -> str:
 
 def library_at_hand(session: Session) -> dict[str, Effect]:
     """All effects by name, those of files too."""
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
 
     return load_library((*scene_effect_files(session.scene), *session.effect_files))
 

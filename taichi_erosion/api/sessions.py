@@ -14,8 +14,8 @@ from taichi_erosion.api import session_entries as entries
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, override, stated_changes
-from taichi_erosion.run import session as sessions
-from taichi_erosion.run.grain_fields import fields_now
+from taichi_erosion.execution import session as sessions
+from taichi_erosion.execution.grain_fields import fields_now
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:

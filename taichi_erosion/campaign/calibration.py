@@ -17,6 +17,8 @@ from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, marked_toml, refuse_foreign, without_mark, write_atomic
+from taichi_erosion.execution import Report
+from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design import Design, design_text
 from taichi_erosion.experiments.fit import (
@@ -29,8 +31,6 @@ from taichi_erosion.experiments.fit import (
     term_label,
 )
 from taichi_erosion.experiments.optimise import Optimisation
-from taichi_erosion.run import Report
-from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import resolve, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
 from taichi_erosion.scene.paths import parse_value

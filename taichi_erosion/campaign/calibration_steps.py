@@ -32,6 +32,7 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.execution import Report
 from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, eliminate_backward
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
@@ -47,7 +48,6 @@ from taichi_erosion.experiments.design import (
 )
 from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfit_warning
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.run import Report
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
 STAGES = ("screen", "climb", "surface", "confirm")

@@ -33,7 +33,7 @@ from taichi_erosion.campaign.pool import (
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, usable_cores
-from taichi_erosion.run import Report
+from taichi_erosion.execution import Report
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 SIMULATE = "taichi_erosion.campaign.request:simulating"

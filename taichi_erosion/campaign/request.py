@@ -21,7 +21,13 @@ from taichi_erosion.core.engine import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics
-from taichi_erosion.run.checks import EffectFiles, compatibility_key, library_of, read_scene, with_effects
+from taichi_erosion.execution.checks import (
+    EffectFiles,
+    compatibility_key,
+    library_of,
+    read_scene,
+    with_effects,
+)
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import template_spheres
@@ -114,7 +120,7 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
     """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
     if device.arch == "cpu" and device.decomposition != "grains":  # and no compiler is imported
         return Numerics("cpu", THREADS, scene.run.precision, device.decomposition)
-    from taichi_erosion.run.scene_run import arch_of
+    from taichi_erosion.execution.scene_run import arch_of
     from taichi_erosion.simulation.capacities import refuse_grids
 
     on_grid = scene.wind is not None and scene.wind.columns != (1, 1)
@@ -140,7 +146,7 @@ def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.core.effect_loading import compile_failure
-    from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas_after
+    from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_after
     from taichi_erosion.scene.load import parse_scene
     from taichi_erosion.simulation import Simulation
 

@@ -14,8 +14,8 @@ from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import RunResult, scene_request
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, make_parent
-from taichi_erosion.run import Report
-from taichi_erosion.run.checks import named_effects, read_scene
+from taichi_erosion.execution import Report
+from taichi_erosion.execution.checks import named_effects, read_scene
 
 TABLE, FIGURE = "sweep.csv", "sweep.png"
 

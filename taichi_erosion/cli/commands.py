@@ -161,7 +161,7 @@ def run(
     if every is not None and not (checkpoint and every > 0.0):
         raise BadInput(f"--every {every}: needs --checkpoint FILE, and a time greater than 0 s")
     from taichi_erosion.evidence.words.run_words import run_warnings
-    from taichi_erosion.run import RunOptions, run_scene
+    from taichi_erosion.execution import RunOptions, run_scene
 
     options = typed_options(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= typed_options(decomposition=decomposition, checkpoint_interval=every, record=record)
@@ -217,7 +217,7 @@ def sweep(
 def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
     """Validate a scene and print its hash."""
     from taichi_erosion.evidence.words.run_words import consequences
-    from taichi_erosion.run import check_scene
+    from taichi_erosion.execution import check_scene
 
     document = check_scene(scene, overrides, effects, examine_effect)
 
@@ -250,7 +250,7 @@ def live(
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.api.page import serve_page
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.run.session import open_session, unused_name
+    from taichi_erosion.execution.session import open_session, unused_name
 
     if effect:
         from taichi_erosion.verification.effect_contract import refuse_unusable

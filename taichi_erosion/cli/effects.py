@@ -1,6 +1,6 @@
 """The command `effects`: list of the library of optional physics, page of one effect, or a new effect file.
 
-Measured shifts and known answers are the tables in `effects/measured/`, which studies in doe/ write.
+Measured shifts and known answers are the tables in `effect_library/measured/`, which studies in doe/ write.
 """
 
 import csv
@@ -64,7 +64,7 @@ def effects(
     as_json: AsJson = False,
 ) -> None:
     """Optional physics of scenes: a list, one effect with its measured values, or a new effect file."""
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
     from taichi_erosion.mechanisms.library import load_mechanisms
 
     new = (words or [""])[0] == NEW
@@ -194,8 +194,8 @@ def record(effect: "Effect") -> dict[str, Any]:
 
 
 def rows_of(table: str, effect: str) -> list[dict[str, str]]:
-    """Rows of one effect in a table of the package data in `taichi_erosion/effects/measured/`."""
-    text = (files("taichi_erosion.effects") / "measured" / table).read_text(encoding="utf-8")
+    """Rows of one effect in a table of the package data in `taichi_erosion/effect_library/measured/`."""
+    text = (files("taichi_erosion.effect_library") / "measured" / table).read_text(encoding="utf-8")
     return [row for row in csv.DictReader(text.splitlines()) if row["effect"] == effect]
 
 

@@ -15,10 +15,10 @@ import typer
 from taichi_erosion.api.page import Page
 from taichi_erosion.api.prompt import COMMANDS, execute
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.execution import session as live
+from taichi_erosion.execution.scene_run import deferred_signals
+from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
-from taichi_erosion.run import session as live
-from taichi_erosion.run.scene_run import deferred_signals
-from taichi_erosion.run.session import Session
 from taichi_erosion.scene import resolve
 from taichi_erosion.scene.paths import leaves
 

@@ -31,7 +31,7 @@ def write_effect_file(
     name: str, discovery: Path | None = None, memory: bool = False, place: ScaffoldPlace = "pair"
 ) -> Path:
     """Write a new effect file that fulfils the contract of effects; returns its path."""
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
 
     path = Path(f"{name}.py")
     if not FILE_NAME.fullmatch(name) or name == NEW:

@@ -7,7 +7,7 @@ from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Constants, Probe
 from taichi_erosion.core.ti import ti
-from taichi_erosion.effects import turbulent_gusts
+from taichi_erosion.effect_library import turbulent_gusts
 from taichi_erosion.mechanisms.factors import HALF, factor_of
 
 GRAVITY = 9.81  # m s-2

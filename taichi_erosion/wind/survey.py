@@ -16,8 +16,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.scene_templates import set_entry
 from taichi_erosion.evidence.data.measured import read_table, unit_factor
+from taichi_erosion.execution import Report, RunOptions, run_scene
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, QUARTZ, Sand, flux_by, iversen_white
-from taichi_erosion.run import Report, RunOptions, run_scene
 from taichi_erosion.scene.load import SCENES
 from taichi_erosion.scene.schema.units import parse_unit
 

@@ -15,9 +15,9 @@ from taichi_erosion.api import page as pages
 from taichi_erosion.api.page import Page, serve_page
 from taichi_erosion.api.prompt import execute
 from taichi_erosion.core.snapshot import Failure, Status
+from taichi_erosion.execution import session as live
+from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.measures.wind_bed import flux_of
-from taichi_erosion.run import session as live
-from taichi_erosion.run.observables import patch_of
 from taichi_erosion.simulation import snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"

@@ -7,8 +7,8 @@ import closed_form
 import numpy as np
 import pytest
 import tomli_w
+from execution.small_scene import SCENE
 from recorded_heaps import read_chunks
-from run.small_scene import SCENE
 
 from taichi_erosion.campaign import calibration_steps, execute
 from taichi_erosion.campaign.calibration import calibrate
@@ -16,10 +16,10 @@ from taichi_erosion.campaign.calibration_steps import STAGES, refuse_star_outsid
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments.design import Factor
 from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish, write_recording
-from taichi_erosion.run.checks import read_scene
 from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg

@@ -1,8 +1,8 @@
 """Scenes of a campaign go as one ensemble through the real simulator and come out as if each were alone."""
 
 import pytest
+from execution.small_scene import TAPPED, WET, write_scene
 from recorded_heaps import read_properties
-from run.small_scene import TAPPED, WET, write_scene
 from stand_in import opened
 
 from taichi_erosion.campaign.execute import execute
@@ -10,7 +10,7 @@ from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.run import RunOptions, run_scene, scene_run
+from taichi_erosion.execution import RunOptions, run_scene, scene_run
 from taichi_erosion.scene.load import SCENES
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"

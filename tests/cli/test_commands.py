@@ -22,7 +22,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.cli.output import cost_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.evidence.models.reduced import EFFECTS
 from taichi_erosion.verification.claims import Claim
 
@@ -44,7 +44,7 @@ DOCUMENT = {
 HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
 BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
 VALID = {"scene": "funnel", "hash": "abc", "effects": []}
-SCENE, RECORDING, PICTURE = Path("scene.toml"), Path("a.rrd"), Path("a.png")
+SCENE, RECORDING, PICTURE = Path("s.toml"), Path("a.rrd"), Path("a.png")
 CHECKED = ((SCENE, ("a=1",), (), commands.examine_effect), {})
 DRAWN = ((RECORDING, 0.5, PICTURE), {"view": None, "source": RECORDING})
 
@@ -72,7 +72,7 @@ def room(monkeypatch):
 
 
 def run_scene(room, answer=DOCUMENT):
-    return room("taichi_erosion.run", "run_scene", answer)
+    return room("taichi_erosion.execution", "run_scene", answer)
 
 
 def test_words_of_run_arrive_as_options_and_only_those_that_were_typed(room, tmp_path):
@@ -131,7 +131,7 @@ def test_json_of_run_is_one_document_that_any_reader_accepts_and_progress_goes_t
 
 
 TRANSLATED = [  # words, what answers them and how, with which arguments, exit code, what is printed
-    ("run scene.toml --check --set a=1", "run.check_scene", VALID, CHECKED, 0, f"{SCENE}: valid, hash abc\n"),
+    ("run s.toml --check --set a=1", "execution.check_scene", VALID, CHECKED, 0, "s.toml: valid, hash abc\n"),
     ("schema -o s.json", "scene.write_schema", None, ((Path("s.json"),), {}), 0, "s.json\n"),
     ("snapshot a.rrd --time 0.5 -o a.png", "recording.viewer.render_picture", PICTURE, DRAWN, 0, "a.png\n"),
     ("view a.rrd", "recording.viewer.open_viewer", 7, None, 7, ""),

@@ -9,7 +9,7 @@ from taichi_erosion.cli.new_effect import render
 from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import read_effect_file, read_effect_files
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 
 PULL = render("pair_effect").replace("NAME", "constant_pull")
 EXECUTES = "executes glue.py (named by --effect)"
@@ -83,7 +83,7 @@ def test_an_edited_file_is_another_effect_in_the_same_process(tmp_path):
 
 
 def test_annotations_may_be_postponed_in_a_file_of_the_host(tmp_path):
-    shipped = Path(__file__).parents[2] / "taichi_erosion" / "effects" / "repose_method.py"
+    shipped = Path(__file__).parents[2] / "taichi_erosion" / "effect_library" / "repose_method.py"
     text = f"from __future__ import annotations\n{shipped.read_text('utf-8')}"
     file = tmp_path / "my_method.py"
     file.write_text(text, encoding="utf-8")

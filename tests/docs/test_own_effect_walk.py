@@ -17,7 +17,7 @@ import pytest
 from hatchling.builders.wheel import WheelBuilder
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.evidence.answers.files import read_reply
 
 ROOT = Path(__file__).parents[2]

@@ -20,7 +20,7 @@ from doe.effects import page as effects
 from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
 from taichi_erosion.cli.main import app
-from taichi_erosion.run.observables import OBSERVABLES
+from taichi_erosion.execution.observables import OBSERVABLES
 from taichi_erosion.scene.load import parse_scene, toml_table
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -14,8 +14,8 @@ from hashlib import sha256
 from pathlib import Path
 
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
+from taichi_erosion.execution.checks import read_scene
+from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas
 
 ROOT = Path(__file__).parents[2]
 REPEATS = 2

@@ -1,10 +1,10 @@
-"""Every mechanism has a dose and is no listed effect; for its contract see tests/effects/test_contract.py."""
+"""Every mechanism has a dose and is no listed effect: contract in tests/effect_library/test_contract.py."""
 
 from dataclasses import fields
 
 import pytest
 
-from taichi_erosion.effects import effect_titles, load_library
+from taichi_erosion.effect_library import effect_titles, load_library
 from taichi_erosion.mechanisms.law import at_dose
 from taichi_erosion.mechanisms.library import (
     DOSE,

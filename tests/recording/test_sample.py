@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from viewer_reports import view_reports
 
-from taichi_erosion.run import check_scene
+from taichi_erosion.execution import check_scene
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "recordings"

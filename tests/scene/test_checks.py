@@ -4,8 +4,8 @@ import pytest
 from scene_tables import SCENES, TUNNEL, complaint, good_table
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.execution import check_scene
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
-from taichi_erosion.run import check_scene
 from taichi_erosion.scene.load import parse_air_scene, parse_scene, toml_table
 from taichi_erosion.scene.schema.scene import effect_problems
 

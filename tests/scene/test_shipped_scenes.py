@@ -7,8 +7,8 @@ import pytest
 from scene_tables import SCENES
 
 from taichi_erosion.evidence.words.run_words import run_warnings
-from taichi_erosion.run import RunOptions, run_scene
-from taichi_erosion.run.checks import check_scene
+from taichi_erosion.execution import RunOptions, run_scene
+from taichi_erosion.execution.checks import check_scene
 from taichi_erosion.scene import load_scene
 
 # conditions of a laboratory that a scene keeps for studies, and that none of its effects reads

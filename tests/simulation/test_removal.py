@@ -13,7 +13,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Status
-from taichi_erosion.run.ensemble_loop import count_failure
+from taichi_erosion.execution.ensemble_loop import count_failure
 from taichi_erosion.simulation.assemble import reallocate
 from tests.verification.small_scenes import primitive_table
 

@@ -28,9 +28,9 @@ from taichi_erosion.core.setup import (
     Triple,
 )
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.effects import load_library
-from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
-from taichi_erosion.run.stages import ReplicaState
+from taichi_erosion.effect_library import load_library
+from taichi_erosion.execution.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot

@@ -7,8 +7,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.execution.checks import check_scene
 from taichi_erosion.measures.wind_formulas import Sand
-from taichi_erosion.run.checks import check_scene
 from taichi_erosion.wind import survey as wind_survey
 from taichi_erosion.wind.survey import Survey, asked_winds, scenes_of
 

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.tables.rows import Faults
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.tables.number_words import with_unit
 from taichi_erosion.verification.effect_contract import examine_file
 

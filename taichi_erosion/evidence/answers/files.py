@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.effects import effect_titles
+from taichi_erosion.effect_library import effect_titles
 from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.adopted_files import adopted_study
 from taichi_erosion.evidence.models.load_study import Study

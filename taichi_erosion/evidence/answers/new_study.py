@@ -43,7 +43,7 @@ from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
 from taichi_erosion.evidence.models.table_columns import declared_units
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, place_range
 from taichi_erosion.scene.schema.grains import Monodisperse
@@ -402,7 +402,7 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
 
     measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
     conditions, own_conditions, observables = dict[str, str](), dict[str, str](), dict[str, str]()

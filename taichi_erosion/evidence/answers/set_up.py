@@ -16,7 +16,7 @@ from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_text
-from taichi_erosion.run.observables import small_heap
+from taichi_erosion.execution.observables import small_heap
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.number_words import plain
 from taichi_erosion.tables.spreadsheet import source_digest

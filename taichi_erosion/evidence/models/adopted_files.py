@@ -19,7 +19,7 @@ from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import refusal
-from taichi_erosion.run.checks import read_scene, scene_effect_files
+from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.scene.load import file_text
 
 DIGITS = 6  # of a calibrated number

@@ -29,8 +29,8 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.data.transforms import effect_of
+from taichi_erosion.execution.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.mechanisms.library import DOSE, mechanism_file
-from taichi_erosion.run.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
 from taichi_erosion.scene.schema.units import conversion, parse_unit
@@ -193,7 +193,7 @@ def study_simulator(
     path: Path, file: StudyFile, table: Measurements, folder: Path, effect_files: EffectFiles = ()
 ) -> Simulator:
     """Simulator of the scenes of a study; raises BadInput where a scene cannot answer."""
-    from taichi_erosion.effects import load_library
+    from taichi_erosion.effect_library import load_library
 
     scenes = {name: (path.parent / str(each.scene)).resolve() for name, each in file.observables.items()}
     read = [cached_scene(scene, (), effect_files) for scene in sorted({*scenes.values()})]

@@ -42,7 +42,7 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
     columns = {name: dotted_paths(paths) for name, paths in file.conditions.items()}
     declared, library = declared_conditions(file, path.parent), dict[str, Effect]()
     if any(effect_of(each) for paths in columns.values() for each in paths):
-        from taichi_erosion.effects import load_library
+        from taichi_erosion.effect_library import load_library
 
         library |= load_library(effect_files)
     units_of: dict[str, str] = {}

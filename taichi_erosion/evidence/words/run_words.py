@@ -1,6 +1,6 @@
 """A run in words, for terminal, page and Python: measured beside simulated, warnings, what follows.
 
-All are made from the document of a run (`run/result.py`).
+All are made from the document of a run (`execution/result.py`).
 """
 
 from collections import Counter

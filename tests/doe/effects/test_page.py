@@ -11,7 +11,7 @@ from doe.common.tables import read_table
 from doe.effects.answers import Answer, pocket_cases
 from doe.effects.page import Saying, judged
 from doe.effects.pocket import Pocket, expected_threshold, measured_thresholds
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 
 TABLES = Path(__file__).parents[3] / "doe" / "effects"
 BARE = Pocket()

@@ -8,8 +8,8 @@ import pytest
 
 from doe.trials.heaps import OTHER_LAWS, SCENE, orders, surface_energy
 from doe.trials.lammps import BEYOND, DIAMETERS, LAWS, grains_of
+from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.grains.laws import jkr
-from taichi_erosion.run.checks import read_scene
 
 
 def kinds(cases) -> Counter[str]:

@@ -9,14 +9,14 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.evidence.answers import check_study
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
 from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
 from taichi_erosion.evidence.answers.written_files import EXPECTED_AS
 from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models.load_study import Study, load_study
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.execution.checks import read_scene
 
 ROOT = Path(__file__).parents[3]
 HEAD = "Probe;Korngröße [µm];Feuchte in %;Böschungswinkel (°);SD [°];n\n"

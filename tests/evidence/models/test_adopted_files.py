@@ -8,7 +8,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.adopted_files import Adoption, write_adopted_files
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.record import Interval
-from taichi_erosion.run.checks import read_scene
+from taichi_erosion.execution.checks import read_scene
 from tests.evidence.models.test_simulator import FRICTION, STUDY, study
 
 

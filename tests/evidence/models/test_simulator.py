@@ -13,7 +13,7 @@ from tests.evidence.small_study import write_study
 
 ROOT = Path(__file__).parents[3]
 FRICTION = "contact.grain-grain.friction_rolling"
-READING = (ROOT / "taichi_erosion" / "effects" / "repose_method.py").read_text(encoding="utf-8")
+READING = (ROOT / "taichi_erosion" / "effect_library" / "repose_method.py").read_text(encoding="utf-8")
 PULL = render("pair_effect").replace("NAME", "constant_pull")
 ROOTED = PULL.replace('"pull": strength', '"pull": conditions.get("root_density", 0.0) * strength').replace(
     "    constants=",

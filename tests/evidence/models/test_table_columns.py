@@ -11,7 +11,7 @@ import pytest
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.models.table_columns import place_units, read_new_conditions

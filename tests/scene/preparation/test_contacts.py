@@ -7,7 +7,7 @@ from scene_tables import changed, good_table, softened
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import build_setup, laws, parse_scene, scene_hash
 from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.preparation.contacts import contact_table, young_effective

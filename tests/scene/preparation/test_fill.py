@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import GrainTable, Setup
-from taichi_erosion.effects import load_library
+from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import build_setup, explain, parse_scene
 from taichi_erosion.scene.change import SAMPLE, with_section
 from taichi_erosion.scene.preparation.fill import initial_bodies

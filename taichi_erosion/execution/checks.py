@@ -1,0 +1,254 @@
+"""Checks of a scene that need no device: validation, and compatibility with others in one ensemble."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
+from taichi_erosion.execution.observables import OBSERVABLES
+from taichi_erosion.execution.own_measure import measure_files
+from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
+from taichi_erosion.scene import Scene, explain, laws, load_scene, resolve, scene_hash
+from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
+from taichi_erosion.scene.preparation.air import air_time_step, longest_step
+from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.scene import effect_problems
+
+EffectFiles = tuple[EffectFile, ...]
+Examine = Callable[[EffectFile], dict[str, Any]]  # check of the effect of a file, from above
+
+OF_AIR = ("friction_velocity", "density", "viscosity", "through_flow")  # of [wind], no numbers of a grid
+OF_BOX = "density viscosity friction_velocity driving_gradient sides inlet turbulence".split()  # of [air]
+MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
+
+
+def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles = ()) -> Scene:
+    """Load a scene whose measures and effects this program knows. Raises BadInput.
+
+    `effect_files` are those beside the ones that the scene names itself.
+    """
+    scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
+    measure_files(scene)
+    if not scene.effects:
+        return scene
+    try:
+        return with_effects(scene, (*scene_effect_files(scene), *effect_files))
+    except BadInput as error:
+        raise BadInput(*fault_lines(scene.file, error.faults)) from None
+
+
+def scene_effect_files(scene: Scene) -> EffectFiles:
+    """Effect files that a scene names, relative to its folder. Raises BadInput."""
+    return read_effect_files(scene.scene.effect_files, scene.folder, str(scene.file))
+
+
+def with_effects(scene: Scene, files: EffectFiles) -> Scene:
+    """The scene with the files of its own effects and what its effects are known by. Raises BadInput."""
+    from taichi_erosion.core.effect_loading import effect_in
+    from taichi_erosion.effect_library import load_library, package_digests
+
+    library = load_library(files)
+    entries = {name: parameter_names(effect) for name, effect in library.items()}
+    if lines := list(effect_problems(scene, entries)) or list(range_problems(scene, library)):
+        raise BadInput(*lines)
+    own = {effect_in(file).name: file for file in files}
+    used = {name: own[name] for name in sorted(scene.effects) if name in own}
+    scene._effect_files = tuple(used.values())
+    digests = {name: file.digest for name, file in used.items()}
+    scene._effect_digests = digests | package_digests(scene.effects)
+    return scene
+
+
+def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
+    """Strengths and parameters of effects outside the ranges that the effects declare."""
+    for name, entries in scene.effects.items():
+        try:
+            read_params(library[name], entries)
+        except ValueError as error:
+            yield str(error)
+
+
+def setup_report(scene: Scene) -> dict[str, Any]:
+    """Time step, limits and warnings of a scene; SI units."""
+    found = explain(scene)
+    if not scene.effects:
+        return found
+    library = library_of(scene)
+    told = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
+    return found | {"warnings": [*found["warnings"], *(line for line in told if line)]}
+
+
+def named_effects(paths: Sequence[Path]) -> EffectFiles:
+    """Effect files named on the command line, each of which holds an effect. Raises BadInput."""
+    files = read_effect_files(paths)
+    if files:
+        from taichi_erosion.effect_library import load_library
+
+        load_library(files)
+    return files
+
+
+def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
+    """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
+    if not files and not scene.effects and not any(scene.conditions.stated_values().values()):
+        return []  # and the device is not imported
+    from taichi_erosion.core.effect_loading import effect_in
+
+    names = [name for file in files if (name := effect_in(file).name) not in scene.effects]
+    reasons = {name: f"the scene does not name it; --set effects.{name}.strength=1" for name in names}
+    library = library_of(scene)
+    reasons |= {name: idle_reason(scene, library[name]) for name in scene.effects}
+    idle = [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]
+    return [*idle, *unread_conditions(scene, files)]
+
+
+def idle_reason(scene: Scene, effect: Any) -> str:
+    """What keeps an effect from changing anything in a scene; empty where it acts, or is stated as 0."""
+    from taichi_erosion.simulation.scene_setup import acts, can_act
+
+    if scene.effects[effect.name].get("strength") == 0.0:
+        return ""
+    stated, possible = scene.conditions.stated_values(), can_act(scene, effect)
+    if possible and acts(scene, effect):
+        return ""
+    if effect.place == "instrument":
+        return f"it changes the reading of none of {', '.join(scene.measure)}"
+    told = [f"conditions.{name} = {stated[name]:g}" for name in effect.reads if name in stated]
+    told = told or [f"conditions.{name} is not stated" for name in effect.reads]
+    if possible and scene.wind is None:
+        told.append("there is no [wind] section")
+    return ", ".join(told) or "with these numbers it changes nothing"
+
+
+def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
+    """Sentences on conditions that no effect of a scene reads; one of 0 is that of a scene without it."""
+    from taichi_erosion.effect_library import load_library
+
+    library = load_library(dict.fromkeys((*scene_effect_files(scene), *files)))
+    read = {name for effect in scene.effects for name in library[effect].reads}
+    stated = {n: value for n, value in scene.conditions.stated_values().items() if value and n not in read}
+    for name, value in stated.items():
+        readers = [each for each in library.values() if name in each.reads]
+        acting = [each for each in readers if would_act(scene, each)]
+        names = ", ".join(each.name for each in acting or readers)
+        told = f"; {names} can, but has nothing to act on here" if readers else ", and none of the list"
+        if acting:
+            told = f"; {names} can: --set effects.{acting[0].name}.strength=1"
+        yield f"conditions.{name} = {value:g} changes nothing: no effect of this scene reads it{told}"
+
+
+def would_act(scene: Scene, effect: Any) -> bool:
+    """Whether an effect that a scene does not name would change something in it."""
+    try:
+        return not idle_reason(scene.model_copy(update={"effects": {effect.name: {}}}), effect)
+    except BadInput:
+        return False
+
+
+def comparable(path: Path, scene: Scene | AirScene) -> dict[str, Any]:
+    """Measured values of what is simulated: those of the file, where the laboratory's situation is its own.
+
+    A value that was stated anew stays. Contacts, effects and the number of grains are what is tried.
+    """
+    file = load_air_scene(path) if isinstance(scene, AirScene) else load_scene(path)
+    same = situation(file) == situation(scene)
+    kept = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
+    return {name: measured.model_dump() for name, measured in kept.items()}
+
+
+def situation(scene: Scene | AirScene) -> list[Any]:
+    """What a laboratory's value depends on."""
+    if isinstance(scene, AirScene):
+        return [scene.conditions, scene.air.model_dump(include=set(OF_BOX))]
+    wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
+    winds = [(each.friction_velocity, each.through_flow) for each in scene.stages]
+    grains, tunnel = scene.grains.model_copy(update={"count": 1}), scene.threshold.tunnel_ratio
+    return [scene.conditions, scene.gravity, wind, winds, grains, tunnel]
+
+
+def library_of(*scenes: Scene) -> dict[str, Any]:
+    """The effects that scenes can name; empty where they name none: most scenes need no library."""
+    if not any(scene.effects for scene in scenes):
+        return {}
+    from taichi_erosion.effect_library import load_library
+
+    return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files))
+
+
+def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
+    """Load an air scene whose measures this program knows. Raises BadInput."""
+    return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
+
+
+def check_scene(
+    path: Path,
+    overrides: tuple[str, ...] = (),
+    effect_files: tuple[Path, ...] = (),
+    examine: Examine | None = None,
+) -> dict[str, Any]:
+    """Hash, resolved scene, time-step limits and warnings. Raises BadInput.
+
+    Starts no device, unless `examine` does, which is called with every effect file of the scene and of the
+    arguments; what it finds stands under `effects`.
+    """
+    examined: list[dict[str, Any]] = []
+    if is_air_scene(path):
+        scene = read_air_scene(path, overrides)
+        limits = {"time_step": air_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
+    else:
+        named = named_effects(effect_files)
+        scene = read_scene(path, overrides, named)
+        if examine is not None:
+            examined = [examine(file) for file in dict.fromkeys((*scene.effect_files, *named))]
+        if scene.effects:
+            from taichi_erosion.scene.preparation.sizes import size_range
+            from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
+
+            library = library_of(scene)
+            after = effective_scene(scene, library)
+            device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
+        limits = setup_report(scene)
+        limits["warnings"] += idle_entries(scene, named)
+    found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
+    return found | {"effects": examined}
+
+
+def compatibility_key(scene: Scene) -> str:
+    """All that is compiled into the kernels, and the check interval; equal for scenes of one ensemble.
+
+    Replicas with and without an attraction between grains, a change of the scene or an instrument run beside
+    each other and come out bit for bit as alone.
+    """
+    effective, effects = compiled_effects(scene)
+    clumped = effective.grains.clump is not None
+    air = None
+    if effective.wind is not None:  # the layers of the air are fixed, and whether air may rise
+        rising = any(stage.through_flow is not None for stage in effective.stages)
+        names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
+        size = effective.grains.model_dump(include={"size", "kinds"})
+        air = [effective.wind.model_dump(include=names), rising, effective.grains.count, size]
+    choices = [scene.scene.kind, asdict(laws(effective)), scene.run.precision, clumped, effects]
+    return json.dumps([*choices, scene.run.check_interval, air], sort_keys=True)
+
+
+def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
+    """The scene changed by its effects, and (name, strength > 0) of the effects that are compiled in.
+
+    Where an effect is not in the library or refuses the scene, all count as compiled in: its replica then
+    fails by itself.
+    """
+    named = sorted((name, entry.get("strength", 1.0) > 0.0) for name, entry in scene.effects.items())
+    if not named:
+        return scene, named
+    from taichi_erosion.simulation.scene_setup import effective_scene
+
+    library = library_of(scene)
+    try:
+        compiled = [(name, acts) for name, acts in named if library[name].place not in MIXABLE_PLACES]
+        return effective_scene(scene, library), compiled
+    except (BadInput, KeyError):
+        return scene, named

@@ -1,0 +1,213 @@
+"""Main loop of an ensemble: advance, check, end stages, until every replica is finished or has failed.
+
+The checks: grains are all there, once, with their masses, at finite places; mechanical energy does not grow.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Failure, Status
+from taichi_erosion.execution import Report
+from taichi_erosion.execution.stages import (
+    ROUNDING,
+    ReplicaState,
+    begin_stage,
+    lifting_energy,
+    measure_stage,
+    note_removed,
+    settle_air,
+    stage_is_over,
+    store_frame,
+    tilt_gravity,
+)
+from taichi_erosion.scene import Scene
+from taichi_erosion.simulation import (
+    Simulation,
+    advance,
+    energies,
+    failure,
+    removed_spheres,
+    snapshot,
+    statuses,
+)
+
+ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
+MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
+
+FINDINGS = {  # of a check that stopped a replica, and the likely cause
+    Status.OVERLAP: (
+        "grain {grain} overlaps {partner} by {value:.3g} radii",
+        "the time step is too long, the material too soft, or grains start inside each other",
+    ),
+    Status.LOST: (
+        "grain {grain} left the domain at a coordinate of {value:.4g} m",
+        "a grain passed a gap in the walls or was shot away by an overlap; [domain] outside = 'remove' takes "
+        "such grains out",
+    ),
+    Status.NOT_FINITE: (
+        "grain {grain} has a coordinate that is not a number",
+        "a parameter is not a number, or forces grew without bound: shorten the time step",
+    ),
+    Status.ENERGY: (
+        "mechanical energy grew by {value:.3g} of itself between two checks",
+        "the time step is too long for the stiffest contact",
+    ),
+    Status.OVERFLOW: ("lists of contacts could not grow", "out of memory"),
+    Status.COUNT: (
+        "grain {grain} is missing, or not all mass is there ({value:.3g})",
+        "an error of this program: please report it",
+    ),
+    Status.AIR: (
+        "the pressure of the air was not found",
+        "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
+    ),
+}
+
+Callback = Callable[["EnsembleRun"], None]  # called after each check interval
+
+
+@dataclass
+class EnsembleRun:
+    """State of a run of an ensemble: a scene for each replica, one check interval for all."""
+
+    scenes: list[Scene]  # by replica
+    sim: Simulation
+    states: list[ReplicaState]  # by replica
+    repeats: bool = False  # of one scene: what its last stage measures is taken in one window for all
+    holds: bool = False  # a stage lasts until the caller begins the next one
+    checks: int = 0  # check intervals done
+    grain_steps: float = 0.0  # released grains times steps
+    sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
+    lifting_energies: Floats = field(init=False)  # J, by replica; see `lifting_energy`
+
+    def __post_init__(self) -> None:
+        self.lifting_energies = np.array([lifting_energy(setup) for setup in self.sim.setups])
+
+    @property
+    def check_interval(self) -> float:
+        """Simulated time between checks [s]."""
+        return self.scenes[0].run.check_interval
+
+    @property
+    def time(self) -> float:
+        """Time of the last check [s]."""
+        return self.checks * self.check_interval
+
+
+def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
+    """Advance all replicas to their ends, check by check."""
+    sim = ensemble.sim
+    for replica, state in enumerate(ensemble.states):
+        if state.stage < 0:
+            begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
+    while any(state.active for state in ensemble.states):
+        run_interval(ensemble)
+        for callback in callbacks:
+            callback(ensemble)
+    if ensemble.repeats:
+        scene = ensemble.scenes[0]
+        ended = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
+        measure_stage(sim, scene, len(scene.stages) - 1, ended)
+
+
+def run_interval(ensemble: EnsembleRun) -> None:
+    """Advance all active replicas to the next check, and check them."""
+    sim, interval = ensemble.sim, ensemble.check_interval
+    target = (ensemble.checks + 1) * interval
+    advance(sim, [target if state.active else 0.0 for state in ensemble.states])
+    ensemble.checks += 1
+    ensemble.sums = energies(sim)
+    running = np.array([state.active for state in ensemble.states])
+    stopped, removed = statuses(sim) != Status.RUNNING, removed_spheres(sim)
+    steps = interval / np.array([setup.time_step for setup in sim.setups])
+    ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
+    for replica, state in enumerate(ensemble.states):
+        if state.active:
+            state.failure = failure(sim, replica) if stopped[replica] else None
+            note_removed(sim, replica, state, ensemble.time, removed[replica])
+            check_replica(ensemble, replica, state)
+
+
+def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> None:
+    """Sanity checks, then tilt, frames and the end of the stage."""
+    sim, scene, now = ensemble.sim, ensemble.scenes[replica], ensemble.time
+    state.failure = state.failure or energy_failure(ensemble, replica, state)
+    if state.failure is not None:
+        return
+    tilt_gravity(sim, scene, replica, state, now)
+    store_frame(sim, scene, replica, state, now)
+    settle_air(sim, scene.stages[state.stage], replica)
+    if ensemble.holds:
+        return
+    kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
+    if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
+        state.failure = count_failure(sim, replica, now)
+        if state.failure is None:
+            if not ensemble.repeats or state.stage + 1 < len(scene.stages):
+                measure_stage(sim, scene, state.stage, {replica: state})
+            begin_stage(sim, scene, replica, state, now)
+
+
+def energy_failure(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> Failure | None:
+    """Failure where mechanical energy grew although nothing did work on the grains.
+
+    Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum
+    does not hold; there the check is off.
+    """
+    translation, rotation, potential, elastic, _, released = ensemble.sums[replica]
+    sim, stages = ensemble.sim, ensemble.scenes[replica].stages
+    now = float(translation + rotation + potential + elastic)
+    before = state.energy if released == state.released else None
+    state.released = int(released)
+    moving = any(stage.move for stage in stages[: state.stage + 1])  # one may still move
+    driven = sim.laws.normal == "jkr" or sim.world.driven or sim.world.pair_effects.any
+    state.energy = None if moving or driven else now
+    if before is None or state.energy is None:
+        return None
+    scale = float(translation + rotation + elastic) + float(ensemble.lifting_energies[replica])
+    if now - before <= ENERGY_RISE * scale:  # both are 0 where nothing moves and nothing weighs
+        return None
+    return Failure(Status.ENERGY, ensemble.time, -1, -1, (now - before) / scale)
+
+
+def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
+    """Failure where grains are missing or doubled, a coordinate is not finite, or mass was lost.
+
+    The grains must be the released rows of the GrainTable, each once, with their masses, without those that
+    were counted when they left the domain.
+    """
+    state, table = snapshot(sim, replica), sim.setups[replica].grains
+    missing = np.setdiff1d(np.arange(len(state.ident) + state.removed), state.ident)
+    if len(missing) != state.removed:
+        return Failure(Status.COUNT, time, int([*missing, -1][0]), -1, float(len(missing) - state.removed))
+    if not np.isfinite(state.position).all() or not np.isfinite(state.velocity).all():
+        bad = ~np.isfinite(state.position + state.velocity).all(axis=1)
+        return Failure(Status.NOT_FINITE, time, int(np.flatnonzero(bad)[0]), -1, float("nan"))
+    weighed, listed = float(state.mass.sum()), float(table.mass[state.ident].sum())
+    if abs(weighed - listed) > MASS_ERROR * listed:
+        return Failure(Status.COUNT, time, 0, -1, weighed / listed - 1.0)
+    return None
+
+
+def failure_message(failure: Failure, seed: int) -> str:
+    """One line: seed, time, the violated check with its numbers, and the likely cause."""
+    partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
+    finding, cause = FINDINGS[failure.status]
+    told = finding.format(grain=failure.grain, partner=partner, value=failure.value)
+    return f"seed {seed} stopped at {failure.time:.6g} s: {told}; likely cause: {cause}"
+
+
+def report_progress(report: Report, ensemble: EnsembleRun) -> None:
+    """Report the stage, its time and the rough share done; stages until rest usually end early."""
+    shares, names = [], []
+    for scene, state in zip(ensemble.scenes, ensemble.states, strict=True):
+        if state.active:
+            limits = [stage.duration_max for stage in scene.stages]
+            within = min(ensemble.time - state.began, limits[state.stage])
+            shares.append((sum(limits[: state.stage]) + within) / sum(limits))
+            names.append(scene.stages[state.stage].name)
+    name, share = (names[0], min(shares)) if names else ("measuring", 1.0)
+    report(share * (1.0 - ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")

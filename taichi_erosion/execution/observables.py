@@ -1,0 +1,325 @@
+"""Observables by name: the measure of each, and the input that measures receive."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import copysign, inf, nan, prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats, Triple
+from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
+from taichi_erosion.execution.own_measure import own_measure
+from taichi_erosion.measures import (
+    coarse_graining,
+    drum_and_incline,
+    heap,
+    mass_flow,
+    shortfalls,
+    splash,
+    threshold,
+    wall_loads,
+    wind_bed,
+)
+from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.preparation.air import surface_height
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.walls import revolved_rows
+from taichi_erosion.scene.schema.fields import unit_vector
+from taichi_erosion.scene.schema.geometry import ORIGIN, Cone, Cylinder, Disc, Funnel, Plane, Wall
+from taichi_erosion.scene.schema.scene import SPLASH, Measure
+
+AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
+CONE_SHARE = 0.5  # of the grains of a planned heap, without which no cone has its rows [1]
+LEFT_MOST = 0.05  # of the grains: more inside, and a funnel or tube has not emptied [1]
+
+
+@dataclass(frozen=True)
+class MeasureInput:
+    """Input of a measure: the end of its stage, and the frames stored during the stage."""
+
+    scene: Scene
+    request: Measure
+    end: Snapshot
+    frames: tuple[Snapshot, ...]
+    tilts: tuple[float, ...]  # rad, of the frames
+    air: AirProfile | None = None  # at the end, where there is any
+    airs: tuple[AirProfile, ...] = ()  # of the frames
+    thresholds: Mapping[str, threshold.Bracket] = field(default_factory=dict)  # found so far, by name
+    profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
+    period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
+    window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
+    loads: tuple[Floats, ...] = ()  # `wall_loads` and shifts of the frames, where a measure reads them
+    poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
+    network: Callable[[], ContactNetwork] | None = None  # contacts at the end
+
+    @property
+    def patch(self) -> wind_bed.Patch:
+        return patch_of(self.scene)
+
+    @property
+    def steady_frames(self) -> tuple[Snapshot, ...]:
+        """Frames of steady transport."""
+        return self.frames[self.window.first :] if self.window else self.frames
+
+    @property
+    def steady_airs(self) -> tuple[AirProfile, ...]:
+        """Air of those frames."""
+        return self.airs[self.window.first :] if self.window else self.airs
+
+    @property
+    def tunnel(self) -> threshold.Tunnel:
+        """The tunnel in which the patch lies."""
+        patch, search = self.patch, self.scene.threshold
+        return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.tunnel_ratio)
+
+    @property
+    def plate(self) -> Wall | None:
+        """The plate under the heap: as stated, or that of another measure."""
+        stated = (self.request, *self.scene.measure.values())
+        return self.scene.geometry.get(next((each.plate for each in stated if each.plate), ""))
+
+    @property
+    def axis(self) -> Floats:
+        """Axis that the measure states, a unit vector."""
+        return np.array(unit_vector(self.request.axis))
+
+    @property
+    def wall_load(self) -> list[Floats]:
+        """Force and torque on the walls of the measure together, and shift of the first, by frame."""
+        names = sorted(self.scene.geometry)
+        rows = [names.index(name) for name in self.request.walls or names]
+        return [np.append(load[rows, :6].sum(axis=0), load[rows[0], 6:]) for load in self.loads]
+
+    @property
+    def area(self) -> float:
+        """Area that the measure states, or that of the periodic patch [m2]."""
+        return self.request.area or prod(self.scene.patch_size or ())
+
+    @property
+    def base_height(self) -> float:
+        """Height of the plate at the origin [m]."""
+        if isinstance(self.plate, Plane):
+            return self.plate.point[2]
+        return self.plate.centre[2] if isinstance(self.plate, Disc) else 0.0
+
+    @property
+    def plate_radius(self) -> float | None:
+        """Radius of a round plate [m], None for one without an edge."""
+        return self.plate.radius if isinstance(self.plate, Disc) else None
+
+    @cached_property
+    def grains_off_plate(self) -> NDArray[np.bool_]:
+        """Grains at the end that have fallen below a round plate."""
+        if not isinstance(self.plate, Disc):
+            return np.zeros(self.end.radius.size, bool)
+        upwards = np.multiply(self.plate.axis, copysign(1.0, self.plate.axis[2]))
+        return (self.end.position - self.plate.centre) @ upwards <= 0.0
+
+    @cached_property
+    def grains_in_tube(self) -> NDArray[np.bool_]:
+        """Grains at the end inside a funnel or a lifted tube that ends above the plate."""
+        held = np.zeros(self.end.radius.size, bool)
+        for name, wall in self.scene.geometry.items() if held.size else ():
+            pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
+            if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and pose.has_moved):
+                rows = np.array(revolved_rows(wall))
+                ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
+                lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
+                if pose.present and lowest > self.base_height + heap.grain_diameter(self.end):
+                    as_built = (self.end.position - pose.translation) @ pose.rotation
+                    held |= heap.is_inside(rows, as_built)
+        return held
+
+    @cached_property
+    def heap(self) -> Snapshot:
+        """The heap alone at the end: without grains that fell off a round plate or are held above it."""
+        away = self.grains_off_plate | self.grains_in_tube
+        return heap.chosen_grains(self.end, ~away) if away.any() else self.end
+
+    @property
+    def fallen_grains(self) -> int:
+        """Number of grains that fell off the plate or left the domain."""
+        return int(self.grains_off_plate.sum()) + self.end.removed
+
+    @property
+    def fallen_words(self) -> str:
+        """How many grains fell off the plate, in words; empty where none did."""
+        whole, gone = self.end.radius.size + self.end.removed, self.fallen_grains
+        return f"{gone:,} of {whole:,} grains fell off the plate; the others are measured" if gone else ""
+
+    @cached_property
+    def landings(self) -> splash.Splash:
+        """Landings of grains in steady transport."""
+        return splash.splash(self.steady_frames, self.patch, self.scene.gravity.magnitude)
+
+
+def patch_of(scene: Scene) -> wind_bed.Patch:
+    """The patch under the wind of a scene that has one."""
+    wind = scene.wind
+    assert wind is not None
+    diameter, surface = nominal_diameter(scene.grains), surface_height(scene, wind)
+    return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
+
+
+def drum_angle(given: MeasureInput) -> Measurement:
+    """Dynamic angle in the cylinder that the measure names as its plate."""
+    wall = given.scene.geometry.get(given.request.plate or "")
+    if isinstance(wall, Cylinder):
+        return drum_and_incline.dynamic_angle(given.frames, wall.radius, wall.centre, wall.axis)
+    return drum_and_incline.dynamic_angle(given.frames, inf)
+
+
+def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of a threshold that the search has bracketed."""
+    return lambda given: threshold.bracket_threshold(name, given.thresholds.get(kind))
+
+
+def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of the coarse-grained profile, by the name of its function."""
+
+    def measure(given: MeasureInput) -> Measurement:
+        assert given.profile is not None
+        try:
+            return getattr(coarse_graining, name)(given.end, given.profile())
+        except BadInput as error:
+            return no_measurement(name, "1", str(error))
+
+    return measure
+
+
+def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of a plane that is sheared, where its strength is largest."""
+    return lambda given: wall_loads.at_peak(name, given.wall_load, given.axis, given.area)
+
+
+OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
+    "repose_angle": lambda e: heap.repose_angle(
+        e.heap, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
+    ),
+    "cone_angle": lambda e: heap.cone_angle(e.heap, e.base_height),
+    "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.heap, e.base_height),
+    "pile_height": lambda e: heap.pile_height(e.heap, e.base_height),
+    "centroid_height": lambda e: heap.centroid_height(e.heap, e.base_height),
+    "radius_90": lambda e: heap.radius_90(e.heap),
+    "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
+    "column_height": lambda e: heap.column_height(e.heap, e.base_height),
+    "wall_force": lambda e: wall_loads.force_along(e.wall_load, e.axis),
+    "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
+    "friction_angle": lambda e: wall_loads.friction_angle(e.wall_load, e.axis),
+    "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
+    **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
+    "dynamic_angle": drum_angle,
+    "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
+    "mass_flow": lambda e: mass_flow.mass_flow(
+        e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
+    ),
+    "solid_fraction": of_fields("solid_fraction"),
+    "lateral_stress_ratio": of_fields("lateral_stress_ratio"),
+    "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
+    "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
+    "bed_height": lambda e: wind_bed.bed_height(e.end),
+    "flux": lambda e: wind_bed.flux(e.steady_frames, e.patch),
+    "flux_height": lambda e: wind_bed.flux_height(e.steady_frames, e.patch),
+    "bed_stress": lambda e: wind_bed.bed_stress(e.steady_airs, e.patch),
+    "grain_stress": lambda e: wind_bed.grain_stress(e.steady_airs, e.patch),
+    "rebound_share": lambda e: splash.rebound_share(e.landings),
+    "rebound_speed": lambda e: splash.rebound_speed(e.landings),
+    "ejecta_share": lambda e: splash.ejecta_share(e.landings),
+    "rolling_onset": threshold_of("rolling_onset", "rolling_onset"),
+    "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
+    "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
+    "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
+    "impact_threshold_linear": lambda e: threshold.line_threshold(
+        "impact_threshold_linear", e.thresholds.get("impact_threshold_linear")
+    ),
+    "threshold_ratio": lambda e: threshold.ratio(
+        "threshold_ratio", e.thresholds.get("impact_threshold"), e.thresholds.get("fluid_threshold")
+    ),
+    "threshold_wind_speed": lambda e: threshold.tunnel_speed(
+        "threshold_wind_speed", e.thresholds.get("fluid_threshold"), e.tunnel
+    ),
+}
+
+
+ANGLES = ("repose_angle", "cone_angle", "angle_of_repose")
+OF_HEAP = (*ANGLES, "pile_height", "centroid_height", "radius_90", "runout_radius", "column_height")
+
+
+def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Iterable[Shortfall]:
+    """Whether the heap is large enough for an angle."""
+    state = heap_state.heap
+    measured = heap_state.scene.measured.get(measurement.name)
+    if heap.defect(state) or (measured is not None and measured.same_size):
+        return ()
+    height = measurement.details.get("height") or heap.pile_height(state, heap_state.base_height).value
+    rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
+    wanted = nan if measured is None else measured.value
+    poured = heap_state.scene.fill.law == "pour"
+    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, measurement.value)
+    return (replace(each, stated=heap_state.request.of_this_size and not each.blocks) for each in lacking)
+
+
+def small_heap(scene: Scene, name: str, angles: Floats) -> str:
+    """Why a heap is too small for all of some angles [deg], before it is simulated; else empty.
+
+    A cone without stray grains has half of those by which heaps are planned.
+    """
+    measured, count = scene.measured.get(name), scene.grains.count
+    as_small = measured is not None and measured.same_size
+    if name not in ANGLES or as_small or scene.grains.clump or not angles.size:
+        return ""
+    least, usual = (
+        shortfalls.grains_for(shortfalls.LEAST_ROWS, float(end(angles))) for end in (np.max, np.min)
+    )
+    words = f"the heap is too small for an angle: use at least {usual:,} grains ({count:,} now)"
+    return words if count < CONE_SHARE * least else ""
+
+
+def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+    """Whether the surface in a drum is wide enough for a slope."""
+    wall = state.scene.geometry.get(state.request.plate or "")
+    if not isinstance(wall, Cylinder) or heap.defect(state.end):
+        return ()
+    width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
+    return shortfalls.surface_shortfalls(width / heap.grain_diameter(state.end))
+
+
+def hop_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+    """Whether enough hops carry what is measured."""
+    return shortfalls.hop_shortfalls(len(given.landings.impacts)) if given.frames else ()
+
+
+LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
+    **dict.fromkeys(ANGLES, heap_shortfalls),
+    "dynamic_angle": surface_shortfalls,
+    "settling_velocity": lambda e, _: shortfalls.touching_shortfalls(float((e.end.contacts > 0).mean())),
+    **dict.fromkeys(("flux", "flux_height", *SPLASH), hop_shortfalls),
+}
+OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
+
+
+def measure(name: str, state: MeasureInput) -> Measurement:
+    """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
+    if (kind := state.request.kind) is not None:
+        of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))
+        end, *frames = of_kind
+        state = replace(state, end=end, frames=tuple(frames))
+    if state.request.file is not None:
+        return own_measure(name, state)
+    measurement = OBSERVABLES[name](state)
+    if name in OF_HEAP and (left := int(state.grains_in_tube.sum())) > LEFT_MOST * state.grains_in_tube.size:
+        told = f"{left:,} of {state.grains_in_tube.size:,} grains are still in the funnel or tube"
+        return no_measurement(name, measurement.unit, told)
+    lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
+    if state.window and name in OF_TRANSPORT:
+        measurement = replace(measurement, details=measurement.details | state.window.details)
+        lacking += state.window.lacking
+    if state.fallen_words and name in OF_HEAP:
+        notes = (*measurement.notes, state.fallen_words)
+        details = measurement.details | {"fallen_grains": state.fallen_grains}
+        measurement = replace(measurement, notes=notes, details=details)
+    return replace(measurement, shortfalls=(*measurement.shortfalls, *lacking))

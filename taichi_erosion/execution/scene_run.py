@@ -1,0 +1,223 @@
+"""Run of a scene of grains, from its file to the result document; signals, checkpoints and resumption."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from math import isinf
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from taichi_erosion.core.device import has_cuda
+from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
+from taichi_erosion.execution import RunOptions
+from taichi_erosion.execution.checkpoint import Checkpointer, restore_run
+from taichi_erosion.execution.checks import idle_entries, library_of, named_effects, read_scene, setup_report
+from taichi_erosion.execution.ensemble_loop import (
+    Callback,
+    EnsembleRun,
+    failure_message,
+    report_progress,
+    run_ensemble,
+)
+from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
+from taichi_erosion.execution.restart import adapt_state, apply_changes, changed_entries
+from taichi_erosion.execution.result import (
+    apply_instruments,
+    record_of,
+    refuse_unwritable_outputs,
+    replica_record,
+    run_document,
+    write_document_or_warn,
+)
+from taichi_erosion.execution.stages import ReplicaState, whole_intervals
+from taichi_erosion.measures.threshold import pool_beds
+from taichi_erosion.recording import stream
+from taichi_erosion.scene import Scene, laws, resolve, scene_hash
+from taichi_erosion.scene.checkpoint_file import load_checkpoint
+from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
+from taichi_erosion.simulation.capacities import has_grids, has_servos
+from taichi_erosion.simulation.team import mean_threads
+
+CROSSOVER = 5_000  # grains of all replicas from which `auto` takes a graphics processor: docs/speed.md
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
+
+
+@dataclass
+class PendingSignals:
+    """Signals that have arrived; the first waits for the next check, the second acts at once."""
+
+    arrived: list[int] = field(default_factory=list)
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        self.arrived.append(number)
+        if len(self.arrived) > 1:
+            self.raise_pending()
+
+    def raise_pending(self) -> None:
+        """Raise KeyboardInterrupt or SystemExit for the first signal, if one has arrived."""
+        if self.arrived:
+            raise KeyboardInterrupt if self.arrived[0] == signal.SIGINT else SystemExit(128 + self.arrived[0])
+
+
+@contextmanager
+def deferred_signals() -> Iterator[PendingSignals]:
+    """Collect signals, to be raised between checks, where device and run state agree.
+
+    Only the main thread can handle signals; those that the program was started to ignore, as `nohup` and
+    background jobs do, stay ignored.
+    """
+    pending = PendingSignals()
+    if threading.current_thread() is not threading.main_thread():
+        yield pending
+        return
+    handled = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, pending.handle) for number in handled}
+    try:
+        yield pending
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
+    """Simulate, measure and record a scene; returns the document of `run --json`.
+
+    Raises BadInput before anything is written, SimulationStopped where every replica failed, and
+    KeyboardInterrupt with the names of the files that were written.
+    """
+    started = time.perf_counter()
+    named = named_effects(options.effect_files)
+    words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
+    given = [f"run.{name}={value}" for name, value in words.items() if value is not None]
+    scene = read_scene(path, (*options.overrides, *given), named)
+    hashed = scene_hash(scene)
+    record = record_of(path, scene, scene.run.seed, options)
+    library = library_of(scene)
+    ensemble = assemble_run(path, scene, library, options, record)
+    recorder = None
+    if not options.no_record:
+        title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
+        text = scene_text(path, options.overrides)
+        recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
+    interval = options.checkpoint_interval
+    checkpointer = Checkpointer(
+        options.checkpoint or record.with_suffix(".checkpoint.npz"),
+        interval,
+        {"scene_hash": hashed, "scene": resolve(ensemble.scenes[0])},
+        whole_intervals(ensemble.time, interval),
+    )
+    run_with_outputs(ensemble, recorder, checkpointer, options)
+    with deferred_signals():  # a signal that comes now acts once everything is written
+        for state in ensemble.states:
+            state.measurements = apply_instruments(state.measurements, scene, library)
+        document = scene_document(path, scene, ensemble, time.perf_counter() - started)
+        document["limits"]["warnings"] += idle_entries(scene, named)
+        if recorder:
+            first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
+            document |= finish_recording(recorder, ensemble, first, properties)
+            write_document_or_warn(record, document)
+    failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
+    if len(failed) == len(ensemble.states):
+        more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
+        raise SimulationStopped(failure_message(*failed[0]) + more)
+    return document
+
+
+def assemble_run(
+    path: Path, scene: Scene, library: dict[str, Effect], options: RunOptions, record: Path
+) -> EnsembleRun:
+    """All replicas of a scene, at their beginning or where the checkpoint left them. Raises BadInput."""
+    seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
+    resume, changed = load_checkpoint(options.resume) if options.resume else None, []
+    if resume and (saved := [record["seed"] for record in resume[1]["replicas"]]) != seeds:
+        raise BadInput(f"{options.resume}: holds seeds {saved}, not {seeds}")
+    setups = [prepare(scene, seed, library) for seed in seeds]
+    refuse_unwritable_outputs(path, options, record)
+    effective = effective_scene(scene, library)
+    if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
+        changed = changed_entries(options.resume, effective, resume[1])
+    grains = sum(len(setup.grains.radius) for setup in setups)
+    arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups) or has_servos(setups))
+    numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
+    sim = assemble(setups, laws(effective), numerics)
+    states = [ReplicaState(seed) for seed in seeds]
+    ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
+    if resume:
+        import_state(sim, adapt_state(ensemble, *resume, changed) if changed else resume[0])
+        restore_run(ensemble, *resume)
+        if changed:
+            apply_changes(ensemble, changed)
+    return ensemble
+
+
+def arch_of(arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool) -> Arch:
+    """Device of a run; `auto` takes a graphics processor where there is one and replicas have grains enough.
+
+    `on_grids`: with grids of air, which one thread per grain does not have.
+    """
+    if arch != "auto":
+        return arch
+    runs_there = has_cuda() and not (on_grids and decomposition != "partitions")
+    return "cuda" if grains >= CROSSOVER and runs_there else "cpu"
+
+
+def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
+    """The scene file, below comments with the overrides of this run."""
+    changes = "".join(f"# --set {override}\n" for override in overrides)
+    return changes + path.read_text(encoding="utf-8")
+
+
+def run_with_outputs(
+    ensemble: EnsembleRun, recorder: Recorder | None, checkpointer: Checkpointer, options: RunOptions
+) -> None:
+    """Run with recording, checkpoints and progress; on Ctrl-C close the recording and save a checkpoint."""
+    callbacks: list[Callback] = [partial(record_replica, recorder)] if recorder else []
+    if options.checkpoint:
+        callbacks.append(checkpointer)
+    if options.progress:
+        callbacks.append(partial(report_progress, options.progress))
+    try:
+        with deferred_signals() as pending:
+            run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_pending()])
+    except (KeyboardInterrupt, SystemExit) as interruption:
+        checkpointer.save(ensemble)
+        closed = f"recording {stream.close(recorder.recording)}; " if recorder else ""
+        if isinstance(interruption, KeyboardInterrupt):
+            interruption.args = (f"{closed}checkpoint {checkpointer.path}",)
+        raise
+    except BaseException:
+        if recorder:
+            stream.close(recorder.recording)
+        raise
+    if options.checkpoint and isinf(options.checkpoint_interval):
+        checkpointer.save(ensemble)
+
+
+def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: float) -> dict[str, Any]:
+    """The result document of a scene of grains."""
+    sim = ensemble.sim
+    numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
+    numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}
+    measured = [state.measurements for state in ensemble.states]
+    names = dict.fromkeys(name for measurements in measured for name in measurements)
+    pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
+    return run_document(
+        path,
+        scene,
+        [replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
+        pooled,
+        grain_steps=round(ensemble.grain_steps),
+        wall_s=seconds,
+        numerics=numerics | mean_threads(sim.team),
+        limits=setup_report(scene),
+        convention=SURFACE_ENERGY_CONVENTION,
+        effect_digests=scene.effect_digests,
+    )

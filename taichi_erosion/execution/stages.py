@@ -1,0 +1,231 @@
+"""Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import isnan, radians
+
+import numpy as np
+import scipy
+
+from taichi_erosion import simulation
+from taichi_erosion.core.setup import Floats, Setup
+from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
+from taichi_erosion.execution.grain_fields import fields_now
+from taichi_erosion.execution.observables import MeasureInput, measure, patch_of
+from taichi_erosion.execution.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.wall_loads import wall_loads
+from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_share
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.preparation.walls import motion_of
+from taichi_erosion.scene.schema.scene import OF_WALLS, Stage
+from taichi_erosion.simulation import Simulation
+
+GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
+
+
+@dataclass
+class ReplicaState:
+    """Progress of one replica through the stages of its scene, and its measurements so far."""
+
+    seed: int
+    stage: int = -1  # before the first
+    began: float = 0.0  # s, start of the stage
+    finished: bool = False
+    failure: Failure | None = None
+    energy: float | None = None  # J, mechanical energy at the last check; None where work may have changed it
+    released: int = 0
+    removed: list[list[float]] = field(default_factory=list)  # time [s], grains that had left the domain
+    frames: list[Snapshot] = field(default_factory=list)
+    tilts: list[float] = field(default_factory=list)
+    measurements: dict[str, Measurement] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
+    loads: list[Floats] = field(default_factory=list)  # of walls at the frames, with their shifts, if read
+    search: ThresholdSearch | None = None  # from the begin of a threshold stage on
+
+    @property
+    def active(self) -> bool:
+        """Neither finished nor failed."""
+        return not self.finished and self.failure is None
+
+    def warn(self, text: str) -> None:
+        """Add a warning, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+
+def whole_intervals(time: float, interval: float) -> int:
+    """Number of whole intervals in a time, up to rounding."""
+    return int(time / interval * (1.0 + ROUNDING))
+
+
+def note_removed(sim: Simulation, replica: int, state: ReplicaState, time: float, spheres: int) -> None:
+    """Note the number of grains that have left the domain, where it has grown."""
+    setup = sim.setups[replica]
+    grains = spheres if setup.clumps is None else spheres * len(setup.clumps.mass) // len(setup.grains.mass)
+    if grains > (state.removed[-1][1] if state.removed else 0):
+        state.removed.append([time, grains])
+        state.energy = None
+
+
+def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Begin the next stage at a time [s]; after the last one the replica is finished."""
+    state.stage += 1
+    state.energy = None
+    if state.stage == len(scene.stages):
+        state.finished = True
+        if state.removed and scene.domain.outside is None:
+            first, (_, gone) = state.removed[0][0], state.removed[-1]
+            state.warn(f"{gone:,.0f} grains left the domain, the first by {first:.3g} s, and were taken out")
+        return
+    state.began = time
+    state.frames, state.tilts, state.airs, state.loads = [], [], [], []
+    stage = scene.stages[state.stage]
+    change_boundaries(sim, replica, stage)
+    if stage.until == "threshold":
+        state.search = begin_search(sim, scene, replica, time)
+
+
+def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
+    """Boundary conditions of a stage: walls removed or set in motion, friction velocity, through-flow."""
+    for name in stage.remove:
+        simulation.remove_surface(sim, replica, name)
+    for name, order in stage.move.items():
+        simulation.move_surface(sim, replica, name, motion_of(order))
+    if stage.friction_velocity is not None:
+        simulation.spin_up_wind(sim, replica, stage.friction_velocity)
+    if stage.through_flow is not None:
+        simulation.set_through_flow(sim, replica, stage.through_flow)
+
+
+def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Rotate gravity by minus the tilt of the apparatus: the frame of reference is that of the plate."""
+    stage = scene.stages[state.stage]
+    if stage.tilt_rate == 0.0:
+        return
+    tilt = radians(stage.tilt_rate) * (time - state.began)
+    axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
+    upright = np.asarray(sim.setups[replica].gravity)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt * axis)
+    x, y, z = turn.apply(upright)
+    simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
+    state.energy = None
+
+
+def friction_velocity_in(scene: Scene, stage: int) -> float:
+    """u* of a stage that reaches the patch [m s-1]: as stated in it, or last before it."""
+    assert scene.wind is not None
+    stated = [each.friction_velocity for each in scene.stages[: stage + 1]]
+    values = (value for value in (*reversed(stated), scene.wind.friction_velocity) if value is not None)
+    return scene.wind.partition * next(values)
+
+
+def settle_air(sim: Simulation, stage: Stage, replica: int) -> None:
+    """Steady profile of the air over the grains as they fly now, in a stage whose air has no inertia."""
+    if stage.steady_air:
+        simulation.spin_up_wind(sim, replica, simulation.friction_velocity(sim, replica))
+
+
+def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Store a snapshot, once per interval, for the measures that use the whole stage."""
+    stage = scene.stages[state.stage]
+    intervals = [scene.measure[name].every for name in measured_in(scene, state.stage)]
+    shortest = min((interval for interval in intervals if interval), default=None)
+    if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
+        state.frames.append(replace(simulation.snapshot(sim, replica), force=None))  # no measure reads it
+        state.tilts.append(radians(stage.tilt_rate) * (time - state.began))
+        if scene.wind is not None:
+            state.airs.append(simulation.air_profile(sim, replica))
+        if set(OF_WALLS) & set(measured_in(scene, state.stage)):
+            loads, poses = (
+                wall_loads(simulation.contact_network(sim, replica)),
+                simulation.wall_poses(sim, replica),
+            )
+            state.loads.append(np.hstack([loads, [pose.translation for pose in poses.values()]]))
+
+
+def measured_in(scene: Scene, stage: int) -> list[str]:
+    """Observables that are measured at the end of a stage: of their own, or of the last one."""
+    names = [stage.name for stage in scene.stages]
+    wanted = {name: request.stage or names[-1] for name, request in scene.measure.items()}
+    return [name for name, stage_name in wanted.items() if names.index(stage_name) == stage]
+
+
+def stage_is_over(
+    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float, energy: tuple[float, float]
+) -> bool:
+    """Whether the stage ends now; `energy`: translational, and that which lifts all grains [J]."""
+    stage = scene.stages[state.stage]
+    elapsed = time - state.began
+    if state.search is not None and advance_search(sim, replica, state.search, time):
+        return True
+    if elapsed >= stage.duration_max * (1.0 - ROUNDING):
+        if stage.until in GOALS:
+            limit = f"its time limit of {stage.duration_max:g} s"
+            state.warnings.append(f"stage {stage.name} reached {limit} before {GOALS[stage.until]}")
+        return True
+    if stage.until != "rest" or elapsed < stage.duration_min:
+        return False
+    return at_rest(sim, replica, stage, energy)
+
+
+def at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float, float]) -> bool:
+    """Criterion of rest: no grain waits, most are in contact, `energy` (as in `stage_is_over`) is small."""
+    kinetic, lifting = energy
+    return (
+        simulation.waiting_spheres(sim, replica) == 0
+        and kinetic <= stage.rest_energy * lifting
+        and simulation.share_touching(sim, replica) >= stage.rest_contact_share
+    )
+
+
+def lifting_energy(setup: Setup) -> float:
+    """Energy that lifts every grain by the mean diameter, sum of m g d [J]."""
+    masses = setup.grains.mass if setup.clumps is None else setup.clumps.mass
+    return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
+
+
+def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[int, ReplicaState]) -> None:
+    """Measure the observables of the end of a stage in replicas that repeat one scene.
+
+    Means of transport are taken over one window for all of them, in which their air is steady.
+    """
+    names = measured_in(scene, stage)
+    window = transport_window(scene, stage, list(replicas.values())) if names else None
+    for replica, state in replicas.items() if names else ():
+        given = measure_inputs(sim, scene, replica, state, window)
+        for name in names:
+            state.measurements[name] = found = measure(name, each := given(name))
+            if isnan(found.value):
+                state.warn(f"{name} has no value: {'; '.join(found.notes)}")
+            elif each.fallen_words in found.notes:
+                state.warn(each.fallen_words)
+
+
+def measure_inputs(
+    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, window: Window | None
+) -> Callable[[str], MeasureInput]:
+    """Input of each measure of one replica, by name: its present state and the frames of its stage."""
+    end = simulation.snapshot(sim, replica)
+    air = simulation.air_profile(sim, replica) if scene.wind is not None else None
+    thresholds = {} if state.search is None else state.search.found
+    profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
+    loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
+    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
+    own = *kept, profile, period, window, loads, poses, partial(simulation.contact_network, sim, replica)
+    return lambda name: MeasureInput(scene, scene.measure[name], *own)
+
+
+def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:
+    """Window in which transport by wind is steady; None without wind or where a grid carries the stress."""
+    wind = scene.wind
+    if wind is None or wind.columns != (1, 1) or (friction := friction_velocity_in(scene, stage)) <= 0.0:
+        return None
+    if not states or any(len(state.airs) < 2 for state in states):
+        return None
+    patch, stress = patch_of(scene), wind.density * friction**2
+    times = [frame.time - states[0].began for frame in states[0].frames]
+    hop = HOP_TIME * friction / scene.gravity.magnitude
+    return steady_window(times, [stress_share(state.airs, patch, stress) for state in states], hop)

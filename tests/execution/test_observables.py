@@ -1,0 +1,44 @@
+"""Measures by name: what keeps a value from being told."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measures.heaps import cone, snapshot_of
+
+from taichi_erosion.execution.checks import read_scene
+from taichi_erosion.execution.observables import MeasureInput, measure
+
+SCENES = Path(__file__).parents[2] / "scenes"
+SCENE = read_scene(SCENES / "funnel_repose.toml", ())
+
+
+def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted():
+    heap = cone(30.0, radius=12.0)
+    scene = read_scene(
+        SCENES / "funnel_repose.toml", ("geometry.plate.shape=disc", "geometry.plate.radius=0.03")
+    )
+    fallen = heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)
+    whole = snapshot_of(np.concatenate([fallen, heap]))
+    for name, request in scene.measure.items():
+        alone, found = (
+            measure(name, MeasureInput(scene, request, each, (), ())) for each in (snapshot_of(heap), whole)
+        )
+        assert found.value == pytest.approx(alone.value, rel=1e-12)
+        assert found.details["fallen_grains"] == 40
+        assert found.notes == (
+            *alone.notes,
+            f"40 of {len(heap) + 40:,} grains fell off the plate; the others are measured",
+        )
+
+
+@pytest.mark.parametrize(("in_funnel", "valued"), [(0.01, True), (0.3, False)])
+def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel: float, valued: bool):
+    heap = cone(30.0, radius=12.0)
+    assert heap[:, 2].max() < SCENE.geometry["funnel"].outlet[2]
+    stuck = heap[: int(in_funnel * len(heap))] + np.array([0.0, 0.0, 0.06])
+    end = snapshot_of(np.concatenate([heap, stuck]))
+    for name, request in SCENE.measure.items():
+        found = measure(name, MeasureInput(SCENE, request, end, (), ()))
+        assert np.isfinite(found.value) == valued
+        assert valued or "still in the funnel" in found.notes[0]
