@@ -1,18 +1,21 @@
 """Command `wind`: thresholds and flux of one's own sand, simulated beside published formulas."""
 
 import json
+from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from typer import Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import SIMULATE, AsJson, Force, help_of
+from taichi_erosion.cli.options import SIMULATE, AsJson, Force, Text, help_of
 from taichi_erosion.cli.progress import announce, reporting
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 
 app = typer.Typer()
+Precise = Literal["fluid_threshold", "impact_threshold", "threshold_ratio"]
 
 
 @app.command("wind", **help_of("wind", SIMULATE))
@@ -26,6 +29,8 @@ def survey_wind(
     density: Annotated[str, Option(help="Density of the grains.")] = "2650kg/m3",
     table: Annotated[Path | None, Option(metavar="FILE", help="Measured fluxes by u*.", exists=True)] = None,
     beds: Annotated[int, Option(min=1, max=1000, help="Beds, each packed anew.")] = 3,
+    precision: Annotated[Text, Option(metavar="SHARE", help="Add beds until --of is known to 5%.")] = None,
+    of: Annotated[Precise, Option(help="What is to be known; its 95 % interval counts.")] = "fluid_threshold",
     out: Annotated[Path | None, Option(metavar="FOLDER", help="Default: wind-DIAMETER.")] = None,
     formulas: Annotated[bool, Option("--formulas", help="Print the formulas; simulate nothing.")] = False,
     force: Force = False,
@@ -40,13 +45,17 @@ def survey_wind(
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
     water = stated_number(moisture, "1", "--moisture", "1%")
-    measured = surveys.measured_fluxes(table) if table else ()
-    survey = surveys.Survey(grains, surveys.asked_winds(wind, grains, measured), water, beds, measured)
+    rows = surveys.measured_fluxes(table) if table else ()
+    share = stated_number(precision, "1", "--precision", "5%") if precision else inf
+    if precision and not 0.0 < share < 1.0:
+        raise BadInput(f"--precision {precision}: write a share below 100 %, such as 5%")
+    survey = surveys.Survey(grains, surveys.asked_winds(wind, grains, rows), water, beds, rows, share, of)
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
     if files:
-        cost, cores = survey.core_minutes, usable_cores()
+        cost, cores, most = survey.core_minutes(beds), usable_cores(), surveys.MOST_BEDS
         wall = f"{cost / min(cores, beds):.0f} minutes on {cores} cores"
+        wall += f"; at most {most} beds, {survey.core_minutes(most):.0f} core-minutes" if precision else ""
         announce(f"{beds} beds, {len(survey.winds)} winds: about {cost:.0f} core-minutes, {wall}")
         with reporting("wind") as progress:
             for name, document in surveys.run_survey(survey, folder, force, progress):

@@ -159,7 +159,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it
     is finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
     deviation of beds and of what their brackets leave open, and `details` hold the interval from the profile
-    of the likelihood with the limit n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
+    of the likelihood with the limit n ln(1 + t^2 / (n - 1)): Student's for normal beds, as for THRESHOLDS.
     """
     plain = pool(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
@@ -169,6 +169,10 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
     notes = (*plain.notes, CONVERSION.format(**shared)) if "shared_sd" in shared else plain.notes
     plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
+    if plain.name in THRESHOLDS and plain.n > 1:
+        reach = float(scipy.special.stdtrit(plain.n - 1, 0.5 + 0.5 * CONFIDENCE)) * plain.sd / sqrt(plain.n)
+        ends = {"low": plain.value - reach, "high": plain.value + reach, "confidence": CONFIDENCE}
+        return replace(plain, details=plain.details | {"interval": ends})
     if len(brackets) < 2:
         return plain
     ends = np.log([[b["low"], b["high"]] for b in brackets])

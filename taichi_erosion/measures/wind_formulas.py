@@ -17,7 +17,7 @@ Reference: Bagnold (1941), The Physics of Blown Sand; Iversen & White (1982), Se
 and (3.12); Shao & Lu (2000), J. Geophys. Res. 105, 22437; Kok, Parteli, Michaels & Bou Karam (2012), Rep.
 Prog. Phys. 75, 106901; its numbers and the two equations above it as in the public code of Martin & Kok
 (2018), AeolianFieldworkAnalysis; Kawamura (1951), Rep. Inst. Sci. Technol. Univ. Tokyo 5, 95; Owen (1964), J.
-Fluid Mech. 20, 225; Durán, Claudin & Andreotti (2011), Aeolian Res. 3, 243.
+Fluid Mech. 20, 225; Durán, Claudin & Andreotti (2011), Aeolian Res. 3, 243; 5 from Kok et al., eq. (2.34).
 """
 
 from collections.abc import Callable

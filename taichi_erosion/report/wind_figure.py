@@ -55,12 +55,6 @@ def draw_flux(frame: Axes, document: Document) -> None:
         points = [(each.get("value") or np.nan, each.get("sd") or 0.0, each.get("n") or 1) for each in rows]
         value, sd, n = np.array(points).T
         stress = sand.air_density * np.array(winds) ** 2
-        frame.errorbar(
-            stress,
-            1e3 * value,
-            1e3 * sd / np.sqrt(n),
-            fmt=mark,
-            color=color,
-            label="simulated" if mark == "o" else "measured",
-        )
+        error, label = 1e3 * sd / np.sqrt(n), "simulated" if mark == "o" else "measured"
+        frame.errorbar(stress, 1e3 * value, error, fmt=mark, color=color, label=label)
     frame.set(xlabel="stress of the wind [Pa]", ylabel="flux [g/(m s)]")

@@ -6,7 +6,7 @@ One sand, one contact, one drag law and the same forces: `scenes/quartz_wind.tom
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import inf, isfinite, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,9 @@ from taichi_erosion.core.files import make_parent, marked_toml, refuse_foreign, 
 from taichi_erosion.evidence.answers.scene_templates import set_entry
 from taichi_erosion.evidence.data.measured import read_table, unit_factor
 from taichi_erosion.execution import Report, RunOptions, run_scene
+from taichi_erosion.measures.result import Measurement, as_record
+from taichi_erosion.measures.shortfalls import LEAST_BEDS
+from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, QUARTZ, Sand, flux_by, iversen_white
 from taichi_erosion.scene.load import SCENES
 from taichi_erosion.scene.schema.units import parse_unit
@@ -29,6 +32,7 @@ LID, LID_PER_WIND = 0.06, 0.35  # m; m over (m s-1)^2, of u*: a few times the hi
 BLOW, BLOW_PER_WIND = 1.0, 2.6  # s; s over m s-1, of u*: fifteen hops
 LEAST_WIND, MOST_WIND = 0.05, 2.0  # m s-1, of u*
 SAME_WIND = 0.02  # of u*, within which a row of a table belongs to a simulated wind [1]
+MOST_BEDS = 40  # to which beds are added for a precision
 THRESHOLD_SECONDS, FLUX_SECONDS = 170.0, 30.0  # of one core for one bed of 0.25 mm, and for one in one wind
 Fluxes = tuple[tuple[float, float, float, str], ...]  # u*, flux, its sd, source; SI units
 
@@ -42,12 +46,13 @@ class Survey:
     moisture: float = 0.0  # kg kg-1
     beds: int = 3
     measured: Fluxes = ()
+    precision: float = inf  # of a threshold, to which beds are added: that of its 95 % interval, relative [1]
+    precise: str = "fluid_threshold"
 
-    @property
-    def core_minutes(self) -> float:
+    def core_minutes(self, beds: int) -> float:
         """Estimated cost; a bed is watched for as long whatever its grains, in steps that grow with them."""
         threshold = THRESHOLD_SECONDS * sqrt(REFERENCE / self.sand.diameter)
-        return self.beds * (threshold + FLUX_SECONDS * len(self.winds)) / 60.0
+        return (beds * threshold + self.beds * FLUX_SECONDS * len(self.winds)) / 60.0
 
     def measured_at(self, wind: float) -> dict[str, Any]:
         """Measured flux in one wind [m s-1], as scenes state it; empty where the table has none."""
@@ -149,7 +154,30 @@ def run_survey(
 
         make_parent(path)
         write_atomic(path, marked_toml(path, SCENE, text))
-        yield path.stem, run_scene(path, RunOptions(no_record=True, progress=part))
+        yield path.stem, run_beds(path, survey, inf if done else survey.precision, part)
+
+
+def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> dict[str, Any]:
+    """Run a scene; groups of beds with fresh seeds follow, up to MOST_BEDS, until a threshold is precise."""
+    document, count = run_scene(path, RunOptions(no_record=True, progress=report)), survey.beds
+    while count < MOST_BEDS and departure(document, survey.precise) > precision:
+        beds, seed = min(survey.beds, MOST_BEDS - count), document["seed"] + count
+        more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report))
+        replicas, count = [*document["replicas"], *more["replicas"]], count + beds
+        document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
+        for name in document["measures"]:  # shortfalls belong to sets of beds
+            records = [bed["measures"][name] | {"shortfalls": ()} for bed in replicas]
+            single = [Measurement(**each | {"value": each["value"] or nan}) for each in records]
+            document["measures"][name] = as_record(pool_beds(single))
+    return document
+
+
+def departure(document: Mapping[str, Any], name: str) -> float:
+    """Distance of a threshold from the further end of its 95 % interval [1]; few beds are close by chance."""
+    measure = document["measures"].get(name, {})
+    if measure.get("n", 0) < LEAST_BEDS or not (ends := measure["details"].get("interval")):
+        return inf
+    return max(ends["high"] / measure["value"] - 1.0, 1.0 - ends["low"] / measure["value"])
 
 
 def survey_document(survey: Survey, runs: Mapping[str, Any], written: Sequence[Path]) -> dict[str, Any]:
@@ -158,7 +186,8 @@ def survey_document(survey: Survey, runs: Mapping[str, Any], written: Sequence[P
     return {
         "sand": {"diameter": sand.diameter, "density": sand.density, "moisture": survey.moisture},
         "winds": list(survey.winds),
-        "core_minutes": survey.core_minutes,
+        "core_minutes": survey.core_minutes(survey.beds),
+        "precision": {survey.precise: survey.precision} if isfinite(survey.precision) else {},
         "fluid_threshold": {source: law(sand) for source, law in FLUID.items()},
         "impact_threshold": {source: law(sand) for source, law in IMPACT.items()},
         "flux": [{source: flux_by(source, sand, wind) for source in FLUX} for wind in survey.winds],

@@ -8,6 +8,7 @@ from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.run_words import comparisons, run_warnings, with_deviation
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.tables.number_words import plain
+from taichi_erosion.wind.survey import departure
 
 Document = Mapping[str, Any]
 
@@ -30,10 +31,8 @@ def flux_table(document: Document) -> Table:
     """Flux by wind [g/(m s)]: simulated, by the formulas, measured; without columns that are empty."""
 
     def grams(measure: Document) -> str:
-        return with_deviation(
-            dict(measure)
-            | {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
-        )
+        scaled = {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
+        return with_deviation({**measure, **scaled})
 
     runs, measured, laws = document["runs"], document["measured"], tuple(document["flux"][0])
     head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measured))
@@ -50,6 +49,9 @@ def survey_notes(document: Document) -> Iterator[str]:
     for name, run in document["runs"].items():
         yield from (f"{name}: {line}" for line in comparisons(run))
         yield from (f"warning: {name}: {line}" for line in run_warnings(run))
+    for name, share in document["precision"].items():
+        if document["runs"] and (off := departure(document["runs"]["thresholds"], name)) > share:
+            yield f"warning: {quantity(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
     if document["sand"]["moisture"] > 0.0:
         yield "The formulas are those of dry sand."
     if not all(map(isfinite, document["impact_threshold"].values())):

@@ -63,6 +63,10 @@ def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing()
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
     assert pooled.value == pytest.approx(0.16, rel=0.01)
     assert pooled.sd == pytest.approx(0.01, rel=0.02), "beds differ, though all brackets overlap"
+    half = student.ppf(0.975, 2) * pooled.sd / np.sqrt(3)
+    ends = pooled.details["interval"]
+    assert (ends["low"], ends["high"]) == pytest.approx((pooled.value - half, pooled.value + half))
+    assert "interval" not in pool_beds(lines[:1]).details
 
 
 def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_error():

@@ -64,10 +64,18 @@ def test_fluxes_vanish_at_the_threshold_and_grow_with_their_powers():
         for name, flux in FLUX.items()
     }
     assert [powers[name] for name in FLUX] == pytest.approx([3.0, 3.0, 2.0], abs=0.05)
-    # at u* = 2 u_t: 2.78 * 1 * 9, and 5 * 3, times rho u_t^3 / g
-    unit = 1.225 / 9.81 * threshold**3
-    assert flux_by("Kawamura (1951)", sand, 2.0 * threshold) == pytest.approx(2.78 * 9.0 * unit)
-    assert flux_by("Durán et al. (2011)", sand, 2.0 * threshold) == pytest.approx(15.0 * unit)
+    # evaluated apart, in the form of AeoLiS; Owen's with the settling speed by bisection, 1.9072 m/s
+    fluxes = {"Kawamura (1951)": 25.072, "Owen (1964)": 11.094, "Durán et al. (2011)": 14.936}  # g m-1 s-1
+    assert {name: 1e3 * flux_by(name, sand, 0.4) for name in FLUX} == pytest.approx(fluxes, rel=1e-4)
+
+
+def test_fluid_thresholds_are_those_of_other_codes():
+    """0.25 mm: by hand, by Martin & Kok's public code with its air, and by Shao & Lu in cgs units."""
+    laws, sand = wind_formulas.FLUID, Sand(0.25 * MM)
+    assert laws["Bagnold (1941)"](sand) == pytest.approx(0.23028, rel=1e-4)
+    air = Sand(0.25 * MM, air_density=1.2, viscosity=1.8365e-5 / 1.2)  # its g is 9.8 m s-2
+    assert laws["Iversen & White (1982)"](air) == pytest.approx(0.27548, rel=5e-4)
+    assert laws["Shao & Lu (2000)"](sand) == pytest.approx(0.27804, rel=1e-4)
 
 
 def test_spheres_settle_with_their_drag_equal_to_their_weight():

@@ -2,15 +2,19 @@
 
 import json
 import tomllib
+from math import exp, sin
 
 import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.checks import check_scene
+from taichi_erosion.measures.result import as_record
+from taichi_erosion.measures.threshold import Bracket, bracket_threshold, pool_beds
 from taichi_erosion.measures.wind_formulas import Sand
 from taichi_erosion.wind import survey as wind_survey
 from taichi_erosion.wind.survey import Survey, asked_winds, scenes_of
+from taichi_erosion.wind.words import survey_notes
 
 SAND = Sand(0.18e-3, 2600.0)
 TABLE = "u* [cm/s];Flux [g/(m s)]\n30;10\n40;20,5\n40;21,5\n"
@@ -98,6 +102,44 @@ def test_the_command_runs_its_scenes_and_leaves_numbers_and_a_picture(
     formulas = json.loads(capsys.readouterr().out)
     assert formulas["runs"] == {}
     assert formulas["fluid_threshold"]["Iversen & White (1982)"] == pytest.approx(0.243, abs=5e-4)
+
+
+@pytest.mark.parametrize(("share", "told"), [("5%", False), ("0.1%", True)])
+def test_beds_with_fresh_seeds_are_added_until_a_threshold_is_known(
+    share, told, tmp_path, monkeypatch, capsys
+):
+    """The first three beds are close by chance; a seed gives the same bed, however beds are grouped."""
+
+    def measure(seed):
+        value = 0.25 * exp(0.11 * sin(7.0 * seed))
+        return bracket_threshold("fluid_threshold", Bracket(value, 1.001 * value))
+
+    def run(path, options):
+        name = "fluid_threshold" if path.stem == "thresholds" else "flux"
+        count, first = options.replicas or 3, options.seed or 1
+        beds = [{"seed": k, "measures": {name: as_record(measure(k))}} for k in range(first, first + count)]
+        pooled = as_record(pool_beds([measure(bed["seed"]) for bed in beds]))
+        return {"seed": first, "replicas": beds, "measures": {name: pooled}, "measured": {}, "wall_s": 1.0}
+
+    monkeypatch.setattr(wind_survey, "run_scene", run)
+    words = ["wind", "--sand", "0.25mm", "--wind", "0.4", "--out", str(tmp_path / "out"), "--precision"]
+    assert main([*words, share, "--json"]) == 0
+    printed = capsys.readouterr()
+    assert "at most 40 beds, 115 core-minutes" in printed.err  # 40 x 170 s + 3 x 30 s
+    document = json.loads(printed.out)
+    thresholds, seeds = document["runs"]["thresholds"], [*range(1, 41)]
+    assert len(document["runs"]["flux_0.4"]["replicas"]) == 3
+    done = [bed["seed"] for bed in thresholds["replicas"]]
+    assert done == seeds[: len(done)]
+    assert len(done) > 3
+    for count in range(3, len(done) + 1, 3):
+        pooled = as_record(pool_beds([measure(seed) for seed in seeds[:count]]))
+        off = wind_survey.departure({"measures": {"fluid_threshold": pooled}}, "fluid_threshold")
+        assert (off <= 0.05) == (count == len(done)) or told
+    assert (len(done) == 40) == told == any("was asked" in line for line in survey_notes(document))
+    pooled = as_record(pool_beds([measure(seed) for seed in done]))
+    assert thresholds["measures"]["fluid_threshold"]["details"] == pooled["details"]
+    assert main([*words, "5"]) == 2  # no share
 
 
 def test_a_row_without_a_scatter_states_none():
