@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
 from taichi_erosion.tables.headings import Heading, is_summary, plain_words
 
@@ -14,6 +15,9 @@ Numbers = NDArray[np.float64]
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
+EXACT = 1e-5  # share that is left where both are one quantity in many digits
+ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
+AGAIN = "it follows the measured quantity exactly"
 LENGTH = parse_unit("m").kind
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
@@ -28,8 +32,8 @@ MOST = 4  # conditions that no model reads
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
-    r"\b(?:predict|residu|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|trapped|"
-    r"loss|error|index|heap|pile|haufen|mass of sand|sand mass|weight of sand)"
+    r"\b(?:predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
+    r"trapped|loss|error|index|mass of sand|sand mass|weight of sand)"
 )
 
 
@@ -59,6 +63,7 @@ def no_conditions(
     """Columns that are no conditions, by their headings, each with the reason.
 
     `results` are the measured quantities, `known` other conditions, `set_ups` the name of each row's set-up.
+    Raises BadInput where nothing is left but a column that may be computed from a result.
     """
     kept, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
@@ -69,6 +74,9 @@ def no_conditions(
             why[heading] = reason
         else:
             kept[heading] = values
+    if lone := [text for text, reason in why.items() if reason == AGAIN and not kept]:
+        remedy = f"say --condition '{stem(lone[0])}=UNIT' where it was set, or begin its heading with 'note'"
+        raise BadInput(f"column '{lone[0]}': {AGAIN}, and nothing else varies; {remedy}")
     return why
 
 
@@ -77,7 +85,8 @@ def why_no_condition(
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
-    A column with many values that differs between repeats, and that these do not follow, is no condition.
+    A column with many values that differs between repeats, and that these do not follow, is no condition
+    where another one varies.
     """
     if not np.isfinite(values).all():
         return "it is not known in every row"
@@ -89,13 +98,15 @@ def why_no_condition(
     if whole and (counts or (YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1])):
         return "it counts rows or years"
     summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
-    if summary or RESULTS.search(plain_words(heading)) or any(is_again(values, each) for each in results):
+    if summary or RESULTS.search(plain_words(heading)):
         return "it is a result beside the measured quantity"
+    if any(restates(values, each) for each in results):
+        return AGAIN
     if same := [text for text, other in others.items() if is_again(values, other) or follows(values, other)]:
         return f"it changes with '{same[0]}' alone"
     rest = number_sets([*others.values(), set_ups])
     many = distinct.size > values.size / 2 and differs_within(values, rest)
-    if many and not any(acts(values, each, rest) for each in results):
+    if many and np.ptp(rest) > 0.0 and not any(acts(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
@@ -121,6 +132,25 @@ def is_again(column: Numbers, other: Numbers) -> bool:
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
         return False
     return unexplained_share(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
+
+
+def restates(column: Numbers, result: Numbers) -> bool:
+    """Whether a column is computed from a measured quantity: it follows it within their last digits."""
+    x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
+    if not is_again(x, y):
+        return False
+    basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
+    coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
+    steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-300)
+    left = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
+    rounding = (last_digit(x) ** 2 + np.mean(steep**2) * last_digit(y) ** 2) / 12.0
+    return bool(left < max(ROUNDED * rounding, EXACT * np.var(x)))
+
+
+def last_digit(values: Numbers) -> float:
+    """Size of the last decimal digit with which numbers are written; 0 where it is beyond the eighth."""
+    units = (10.0**-k for k in range(-3, 9))
+    return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
 def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:

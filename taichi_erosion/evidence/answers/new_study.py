@@ -53,6 +53,8 @@ from taichi_erosion.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
+    KINDS,
+    longest_word,
     meaning_of,
     near_meaning,
     plain_words,
@@ -63,6 +65,7 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.spreadsheet import source_digest
 
 Document = dict[str, Any]
+GRAIN_UNITS = ("mm", "um", "µm", "μm")  # of lengths that may be the size of grains
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
@@ -274,6 +277,11 @@ def with_grains(request: StudyRequest) -> StudyRequest:
     usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
     said = wishes.diameter
     if said is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
+        for heading in (column.heading for column in table.columns if column.unread):
+            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
+                words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
+                remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
+                raise BadInput(f"{table.file}: {words} {remedy}")
         meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
         said = request.interview.choice("Grain diameter with its unit", usual, meaning)
     stated = (("diameter", said, DIAMETER, "m", usual),)

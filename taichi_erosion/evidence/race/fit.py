@@ -301,14 +301,17 @@ class Race:
     def fit_bare(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
 
-        Where the fit is poor it is tried from the best of some draws of the numbers too: beyond a threshold
-        slopes lead nowhere.
+        Where the fit is poor it is tried from the best of some draws of the numbers too, wider than their
+        prior: beyond a threshold slopes lead nowhere.
         """
         start = self.bare_expansion(np.zeros(self.model.count), log_prior)
         first = self.fit_at_scales(start, 0)
         optimum = self.optimum(first)
         if first.v.size and self.misfit(first, optimum.mean, optimum.v) > POOR * optimum.mean.size:
-            elsewhere = self.fit_at_scales(self.bare_expansion(self.best_draw(first), log_prior), 0)
+            draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
+            size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
+            best = draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
+            elsewhere = self.fit_at_scales(self.bare_expansion(best, log_prior), 0)
             optimum = self.better(optimum, self.optimum(elsewhere))
         free = self.fit_at_scales(start, 20)
         if free.log_evidence > optimum.log_evidence:
@@ -328,12 +331,6 @@ class Race:
         mean = self.model.mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
-
-    def best_draw(self, first: Fit) -> Floats:
-        """The best of some draws of the numbers, wider than their prior, with errors as large as expected."""
-        draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
-        size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
-        return draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
 
     def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.

@@ -94,20 +94,15 @@ def grow(race: Race, size: int, effects: Sequence[str]) -> None:
     parents = leading(race, size, 0.1 * KEEP, MOST - size)
     for parent in parents:
         add_each(race, parent, effects)
-    refine(race, size + 1, 6)
+    for fit in [each for each in leading(race, size + 1, 0.2 * KEEP, 6) if not each.refined]:
+        race.optimise(fit)
     for fit in leading(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
             rest = race.fits.get(Hypothesis(without(fit.hypothesis.names, name)))
             if rest is not None:
                 add_each(race, rest, effects)
-        refine(race, size + 1, 4)
-
-
-def refine(race: Race, size: int, most: int) -> None:
-    """The leading sets of one size that have been seen from afar alone."""
-    for fit in leading(race, size, 0.2 * KEEP, most):
-        if not fit.refined:
-            race.optimise(fit)
+        for near in [each for each in leading(race, size + 1, 0.2 * KEEP, 4) if not each.refined]:
+            race.optimise(near)
 
 
 def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:

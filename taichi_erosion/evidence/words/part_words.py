@@ -300,8 +300,8 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         return refusal(record, voc)
     likely, share = max(record.probabilities.items(), key=lambda item: item[1])
     fails, rows = not agrees(record), rows_text(record)
-    chance = say.chance(float(np.fmin(record.p_misfit, record.p_lack_of_fit)))
-    state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({chance})"
+    least = np.nanmin([record.p_misfit, record.p_lack_of_fit, *(each.p for each in failing(record))])
+    state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({say.chance(float(least))})"
     if likely == "none" and (not fails or share >= SURE):
         common = " by errors of measurement" * fails
         none = f"probability that none acts: {say.probability(share)}"

@@ -300,3 +300,39 @@ def test_unread_columns_that_are_left_out_are_told_in_one_sentence(tmp_path):
     (told,) = (line for line in measured(tmp_path, text)[1] if line.startswith("not used"))
     assert "'room (°C)' (it is not known in every row)" in told
     assert "'year' (it counts rows or years)" in told
+
+
+LONE = "{};u*t (m/s);SD;n\n"
+COVERS = {0: 0.318, 5: 0.388, 10: 0.501, 15: 0.557, 20: 0.682, 30: 0.832, 40: 1.03}  # % -> m/s, 3 %
+
+
+@pytest.mark.parametrize("heading", ["flat residue cover (%)", "chlorophyll (µg/cm2)", "pile mass (g)"])
+def test_a_condition_that_is_followed_closely_is_no_result(tmp_path, heading):
+    rows = "".join(f"{x};{u};0.01;4\n" for x, u in COVERS.items())
+    found, _ = measured(tmp_path, LONE.format(heading) + rows, diameter="0.2 mm")
+    assert len(np.unique(next(iter(found.conditions.values())))) == len(COVERS)
+
+
+def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
+    rows = "".join(f"{1.2 * u * u:.4f};{u};0.01;4\n" for u in COVERS.values())
+    text = LONE.format("bed stress (Pa)") + rows
+    assert "--condition 'bed stress (Pa)=UNIT'" in refused(tmp_path, text, diameter="0.2 mm")
+    options = TableOptions(conditions={"bed stress": "Pa"})
+    found, _ = measured(tmp_path, text, diameter="0.2 mm", table_options=options)
+    assert "bed_stress" in found.conditions
+
+
+def test_a_single_condition_bends_as_it_likes(tmp_path):
+    rows = "".join(f"{w};{29 + 6 * w ** (1 / 3):.1f};0.6;5\n" for w in (0, 0.25, 0.5, 1, 2, 4, 8))
+    found, _ = measured(tmp_path, "oil (g/kg);angle of repose (deg);SD;n\n" + rows)
+    assert found.conditions["oil"].max() == pytest.approx(8e-3)
+
+
+def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(tmp_path):
+    rows = "".join(
+        f"{d};{0.47 * d**0.5 + 0.01 * (k % 2):.3f};0.01;4\n"
+        for k, d in enumerate((0.12, 0.18, 0.25, 0.36, 0.5, 0.71))
+    )
+    text = LONE.format("sieve mean (mm)") + rows
+    assert "'sieve mean=grains.size.diameter'" in refused(tmp_path, text)
+    assert "sieve_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
