@@ -10,9 +10,10 @@ An effect lives in one file and acts at one place:
 
 `strength` multiplies the effect: 0 is bitwise the model without it (it is not even compiled in), 1 the
 textbook. Pair, first-contact and grain effects run on the device with a few `constants`, which the host
-computes for every replica from parameters, strength and conditions. Three conditions of effects on the
-device and of instruments come from the scene: `grain_diameter`, the nominal one [m], and under wind
-`bed_height`, the height of the undisturbed bed [m], and `density_ratio`, of the grains over the air [1].
+computes for every replica from parameters, strength and conditions. Conditions of effects on the
+device and of instruments come from the scene too: `grain_diameter`, the nominal one [m], `adhesion_scale`,
+the factor of a pull over R* where grains are larger than the true ones [1], and under wind `bed_height`,
+the height of the undisturbed bed [m], and `density_ratio`, of the grains over the air [1].
 
 A pair or grain effect may have state variables of every grain (internal variables: an age, a charge, a
 broken bond). `grain_state` declares them as `params` are, `initial_state` gives their values when a grain

@@ -38,7 +38,7 @@ class Params:
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica."""
     pull = strength * DIAMETER_OVER_EFFECTIVE * params.beta / params.contacts
-    return {"pull": pull, "range": params.range}
+    return {"pull": pull * conditions.get("adhesion_scale", 1.0), "range": params.range}
 
 
 @ti.func

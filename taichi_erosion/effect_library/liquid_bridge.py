@@ -79,7 +79,7 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
     share = params.wet_fraction * float(dose(params, conditions))
     volume = 2.0 * free * params.grain_density / WATER_DENSITY * (4.0 / 3.0) * pi / params.bridges
     return {
-        "pull": strength * share * smooth,  # force over R [N m-1]
+        "pull": strength * share * smooth * conditions.get("adhesion_scale", 1.0),  # force over R [N m-1]
         "volume": volume,  # V / R_m^3 [1]
         "rupture": (1.0 + 0.5 * params.contact_angle) * volume ** (1.0 / 3.0),  # s_max / R_m [1]
     }

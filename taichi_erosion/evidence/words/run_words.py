@@ -123,7 +123,8 @@ def run_notes(document: Document) -> Iterator[str]:
 def consequences(document: Document) -> Iterator[str]:
     """What reduced stiffness, adhesion and rolling friction of a scene imply."""
     limits = document.get("limits", {})
-    for word, name in (("grains", "kinds"), ("stiffness", "softening"), ("rolling friction", "rolling")):
+    lists = {"kinds": "grains", "coarse_graining": "grains", "softening": "stiffness"}
+    for name, word in (lists | {"rolling": "rolling friction"}).items():
         yield from (f"{word}: {line}" for line in limits.get(name, ()))
     if adhesion := limits.get("adhesion"):
         yield (

@@ -3,7 +3,7 @@
 import numpy as np
 
 from taichi_erosion.core.setup import ContactTable, pair_row
-from taichi_erosion.scene.schema.grains import Contact, Material
+from taichi_erosion.scene.schema.grains import Contact, Grains, Material
 from taichi_erosion.scene.schema.scene import Scene
 
 STICKING_EXPONENT = 0.4  # gamma_r / gamma = (E_r / E)^(2/5) keeps the sticking speed; Haervig et al. (2017)
@@ -52,17 +52,20 @@ def true_young(material: Material) -> float:
     return young_modulus(material) * material.softening.true_modulus / given
 
 
-def surface_energy(contact: Contact, a: Material, b: Material) -> float:
-    """Surface energy as simulated [J m-2]: as stated, or scaled where softening keeps the sticking speed.
+def surface_energy(grains: Grains, contact: Contact, a: Material, b: Material) -> float:
+    """Surface energy as simulated [J m-2]: as stated, times the scales of coarse graining and of softening.
+
+    Coarse graining has its rule (`CoarseGraining`). Softening keeps the sticking speed by
 
     gamma_r = gamma (E*_r / E*)^(2/5),  E* from the true moduli, E*_r from the softened ones.
     Reference: Haervig et al. (2017), Powder Technology 319, 472.
     """
     rules = {m.softening.rule for m in (a, b) if m.softening is not None}
+    energy = contact.surface_energy * grains.adhesion_scale
     if "sticking_velocity" not in rules:
-        return contact.surface_energy
+        return energy
     true = 1.0 / (plane_compliance(a, true_young(a)) + plane_compliance(b, true_young(b)))
-    return contact.surface_energy * (young_effective(a, b) / true) ** STICKING_EXPONENT
+    return energy * (young_effective(a, b) / true) ** STICKING_EXPONENT
 
 
 def contact_table(scene: Scene) -> ContactTable:
@@ -80,7 +83,7 @@ def contact_table(scene: Scene) -> ContactTable:
                 contact.friction_sliding,
                 contact.friction_rolling * contact.rolling_share,
                 contact.rolling_damping,
-                surface_energy(contact, a, b),
+                surface_energy(scene.grains, contact, a, b),
                 float(contact.acted_on),
             )
     return ContactTable(*np.array([rows[row] for row in range(len(rows))]).T)

@@ -26,7 +26,7 @@ from taichi_erosion.scene.preparation.sizes import (
 )
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.geometry import Funnel
-from taichi_erosion.scene.schema.grains import Bed, Positions, Pour
+from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
 SOLID_FRACTION = 0.6  # of a poured heap [1]
@@ -76,9 +76,9 @@ def adhesion(scene: Scene) -> dict[str, float] | None:
 def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
     """Adhesion numbers of one kind of grains."""
     material, contact = scene.materials[name], scene.contact_of(name, name)
-    energy = surface_energy(contact, material, material) if contact and scene.laws.normal == "jkr" else 0.0
-    if contact is None or energy <= 0.0:
+    if contact is None or contact.surface_energy <= 0.0 or scene.laws.normal != "jkr":
         return None
+    energy = surface_energy(scene.grains, contact, material, material)
     diameter, gravity = nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
     young = young_effective(material, material)
@@ -263,7 +263,7 @@ def neck_limit(scene: Scene, speed: float) -> float | None:
     for grain, other in pairs if scene.laws.normal == "jkr" else []:
         contact, radius = scene.contact_of(grain, other), radii[grain]
         a, b = scene.materials[grain], scene.materials[other]
-        energy = surface_energy(contact, a, b) if contact else 0.0
+        energy = surface_energy(scene.grains, contact, a, b) if contact else 0.0
         reduced = [radius] if other in scene.wall_materials else []
         reduced += [radius * radii[other] / (radius + radii[other])] if other in radii else []
         for size in reduced if energy > 0.0 else []:
@@ -295,6 +295,17 @@ def softening_lines(scene: Scene) -> list[str]:
             rule = f"(rule '{material.softening.rule}')"
             lines.append(f"{name}: stiffness divided by {ratio:.3g}, {kept} kept {rule}")
     return lines
+
+
+def coarse_graining_lines(grains: Grains) -> list[str]:
+    """Grains larger than the true ones: by how much, and which quantity is kept."""
+    if grains.coarse_graining is None:
+        return []
+    rule, factor = grains.coarse_graining.rule, grains.coarse_graining.factor
+    return [
+        f"{factor:.3g} times as large as the true ones, {rule.replace('_', ' ')} kept (rule '{rule}'): "
+        f"surface energy and pulls between grains times {grains.adhesion_scale:.3g}"
+    ]
 
 
 def rolling_lines(scene: Scene) -> list[str]:
@@ -338,6 +349,7 @@ def explain(scene: Scene) -> dict[str, Any]:
         "expected_speed": expected_speed(scene),
         "diameter": {"low": low, "nominal": nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
+        "coarse_graining": coarse_graining_lines(scene.grains),
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),
         "kinds": kind_lines(scene),

@@ -18,7 +18,8 @@ from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
 LARGEST = 1e30  # values beyond it are taken for a slip
 DECLARE = '; a condition of your own: [conditions.extra] NAME = { unit = "...", value = ... }'
-OF_SCENE = ("grain_diameter", "bed_height", "density_ratio")  # that effects read beside the conditions
+# what effects read beside the conditions
+OF_SCENE = ("grain_diameter", "adhesion_scale", "bed_height", "density_ratio")
 
 
 class ExtraCondition(Section):

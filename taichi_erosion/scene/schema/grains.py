@@ -120,6 +120,24 @@ class Kind(Section):
     size: Size = Field(description="distribution of nominal diameters")
 
 
+class CoarseGraining(Section):
+    """Grains larger than the true ones, whose diameters the sizes state; forces of adhesion follow by a rule.
+
+    Adhesion of the true grains is stated: the surface energy, and effects whose pull is proportional to R.
+    `cohesive_stress` keeps the tensile strength of the bulk, for heaps and shear tests in an apparatus of the
+    true size: both are multiplied by `factor`. `bond_number` keeps the pull-off force over the weight, for
+    grains that a wind lifts: by its square.
+    """
+
+    rule: Literal["cohesive_stress", "bond_number"] = Field(description="what is kept by larger grains")
+    factor: float = number(..., "1", "simulated over true diameter", 1.0, 1e3)
+
+    @property
+    def adhesion_scale(self) -> float:
+        """Factor of the pull of a contact over its R* [1]; sigma_t ~ F / d^2 and Bo ~ F / d^3, with F ~ d."""
+        return self.factor if self.rule == "cohesive_stress" else self.factor**2
+
+
 class Grains(Section):
     """What is poured: grains of one material, or several kinds of them."""
 
@@ -139,6 +157,9 @@ class Grains(Section):
         default=None, validate_default=True, description="name of a table under [materials]"
     )
     clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
+    coarse_graining: CoarseGraining | None = Field(
+        None, description="names the scaling rule where grains are larger than the true ones"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -155,6 +176,11 @@ class Grains(Section):
         if value is not None and about.data.get("kinds"):
             raise contradiction("stands in every kind of [grains.kinds]; leave it out here")
         return value
+
+    @property
+    def adhesion_scale(self) -> float:
+        """Factor of the pull of a contact over its R* [1]: 1 for grains of the true size."""
+        return self.coarse_graining.adhesion_scale if self.coarse_graining else 1.0
 
     @property
     def parts(self) -> dict[str, Kind]:

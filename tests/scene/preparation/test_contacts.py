@@ -1,5 +1,6 @@
 """Contact parameters follow from materials and pairs; laws and gravity from their sections."""
 
+from copy import deepcopy
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from taichi_erosion.scene import build_setup, laws, parse_scene, scene_hash
 from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
 from taichi_erosion.scene.preparation.limits import explain
+from taichi_erosion.simulation.scene_setup import prepare
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
 
@@ -53,6 +55,33 @@ def test_sticking_velocity_softening_scales_the_surface_energy_by_stiffness_to_t
     stiff = parse_scene(changed("materials.soil.shear_modulus", 1e10)).materials["soil"]
     soft, hard = (young_effective(soil, materials["steel"]) for soil in (materials["soil"], stiff))
     assert found[wall] == pytest.approx(0.02 * (soft / hard) ** 0.4)
+
+
+@pytest.mark.parametrize(("rule", "scale"), [("cohesive_stress", 8.0), ("bond_number", 64.0)])
+def test_larger_grains_keep_the_stress_of_adhesion_or_its_bond_number(rule: str, scale: float):
+    def adhesion(diameter: float, coarse: dict[str, object] | None) -> dict[str, float]:
+        table = changed("grains.coarse_graining", coarse) if coarse else good_table()
+        table["grains"]["size"] = {"law": "monodisperse", "diameter": diameter}
+        table["laws"]["normal"] = "jkr"
+        table["contact"]["soil-soil"]["surface_energy"] = 1e-4
+        return explain(parse_scene(table, overrides=["run.force_time_step=true"]))["adhesion"]
+
+    true, large = adhesion(2.5e-4, None), adhesion(2e-3, {"rule": rule, "factor": 8.0})
+    assert large["surface_energy"] == pytest.approx(scale * 1e-4)
+    of_rule = {"cohesive_stress": "tensile_strength", "bond_number": "bond_number"}
+    kept = {name for name in of_rule.values() if large[name] == pytest.approx(true[name])}
+    assert kept == {of_rule[rule]}
+
+
+@pytest.mark.parametrize("name", ["liquid_bridge", "dry_adhesion"])
+def test_pulls_of_effects_are_scaled_as_the_surface_energy_is(name: str):
+    library = load_library()
+    table = good_table() | {"effects": {name: {"strength": 1.0}}, "conditions": {"moisture": 0.02}}
+    true, large = (
+        prepare(parse_scene(deepcopy(table), overrides=overrides), 1, library).effects[0].constants
+        for overrides in ([], ["grains.coarse_graining={ rule = 'cohesive_stress', factor = 8 }"])
+    )
+    assert large == true | {"pull": 8.0 * true["pull"]}
 
 
 def test_effects_reach_and_change_every_contact_but_those_that_say_no():
