@@ -58,11 +58,11 @@ class Reply:
 
         A study that `adopt` wrote states its effect files itself.
         """
-        about, rows, held = self.about, mechanism_rows(), self.record.vault
-        written = str(adopted_study(Path(about["study"]), held.adopted)) if held else ""
+        about, rows, vault = self.about, mechanism_rows(), self.record.vault
+        adopted_path = str(adopted_study(Path(about["study"]), vault.adopted)) if vault else ""
 
         def command(*words: str) -> str:
-            alone = words[0] == "effects" or written in words
+            alone = words[0] == "effects" or adopted_path in words
             return call(*words, *(() if alone else options))
 
         return Vocabulary(
@@ -72,7 +72,7 @@ class Reply:
             {n: row["title"] for n, row in rows.items()} | effect_titles(map(Path, about["effect_files"])),
             {name: dose_meaning(name) for name in rows},
             str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
-            written,
+            adopted_path,
         )
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
@@ -106,12 +106,12 @@ def study_document(study: Study) -> Document:
 
 def after_adoption(record: Record, adopted: Record) -> Record:
     """A discovery that knows what `adopt` has found of what it names: a name that is refuted is not given."""
-    named, held = record.named, adopted.vault
-    if held is None or set(held.adopted) != set(named):
+    effects, unseen = record.named, adopted.vault
+    if unseen is None or set(unseen.adopted) != set(effects):
         return record
     fit = {each.name: getattr(adopted, each.name) for each in fields(FitPart)}
-    fitted = replace(record, vault=held, **fit)
-    none = {"named": (), "group": (), "refuted": named, "mechanisms": {}, "sensitivity": {}}
+    fitted = replace(record, vault=unseen, **fit)
+    none = {"named": (), "group": (), "refuted": effects, "mechanisms": {}, "sensitivity": {}}
     return fitted if improves(fitted) else replace(fitted, verdict="none_detected", **none)
 
 
@@ -157,7 +157,7 @@ def read_document(file: Path) -> Document | None:
 
 def extended_ladder(study: Study, record: Record) -> list[Document]:
     """Errors per row on a table before the first adoption and after each, with this one where they fall."""
-    held, before, of = record.vault, list(study.file.adopted), study.digest[:12]
+    vault, before, of = record.vault, list(study.file.adopted), study.digest[:12]
     ladder = read_document(study.results / LADDER) or {"rungs": []}
 
     def rung(effects: list[str], fitted: float, unseen: float | None) -> Document:
@@ -165,10 +165,10 @@ def extended_ladder(study: Study, record: Record) -> list[Document]:
         return {"of": of, "effects": effects} | errors
 
     rungs = [each for each in ladder["rungs"] if each["of"] == of]
-    rungs = rungs or [rung(before, record.chi2_per_row_before, held and held.chi2_per_row_before)]
+    rungs = rungs or [rung(before, record.chi2_per_row_before, vault and vault.chi2_per_row_before)]
     if improves(record):
         acting = [*before, *record.named]
         earlier_rungs = [each for each in rungs if len(each["effects"]) < len(acting)]
-        rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, held and held.chi2_per_row_after)]
+        rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, vault and vault.chi2_per_row_after)]
     write_document(study.results / LADDER, {"rungs": rungs})
     return rungs

@@ -72,18 +72,18 @@ class Kind:
 
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
-        at, known = self.fits[0], np.isfinite(mean)[:, np.newaxis]
-        errors, own = self.race.model.errors(at.hypothesis.names, at.v, at.doses), self.emulator
+        at, has_run = self.fits[0], np.isfinite(mean)[:, np.newaxis]
+        errors, emulator = self.race.model.errors(at.hypothesis.names, at.v, at.doses), self.emulator
         before = self.race.prepared.rows.shared.shape[1]
-        errors[:, before : before + own.shape[1]] = np.where(known, 0.0, own)
-        mean, columns = np.where(known[:, 0], mean, at.mean), np.where(known, columns, 0.0)
-        shown = self.share_of_change(mean, columns)
-        jacobian = at.jacobian * np.where(np.arange(at.v.size) < self.race.model.count, 1.0, shown)
+        errors[:, before : before + emulator.shape[1]] = np.where(has_run, 0.0, emulator)
+        mean, columns = np.where(has_run[:, 0], mean, at.mean), np.where(has_run, columns, 0.0)
+        share = self.share_of_change(mean, columns)
+        jacobian = at.jacobian * np.where(np.arange(at.v.size) < self.race.model.count, 1.0, share)
         change: dict[str, Any] = {"v": at.v, "mean": mean, "jacobian": jacobian}
         if at.dose is not None:
             *blocks, dosed = at.blocks
-            change["blocks"] = (*blocks, replace(dosed, columns=shown * dosed.columns))
-            change["dose"] = replace(at.dose, slope=shown * at.dose.slope)
+            change["blocks"] = (*blocks, replace(dosed, columns=share * dosed.columns))
+            change["dose"] = replace(at.dose, slope=share * at.dose.slope)
         about = [replace(fit, **change, errors=np.hstack([errors, columns])) for fit in self.fits]
         return [self.race.fit_at_scales(fit, start=fit.scales, fresh=True) for fit in about]
 
@@ -105,16 +105,16 @@ class Kind:
 
     def if_right(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
-        known = np.isfinite(runs.mean)
-        mean, prepared = np.where(known, self.fits[0].mean, np.nan), self.race.prepared
+        has_run = np.isfinite(runs.mean)
+        mean, prepared = np.where(has_run, self.fits[0].mean, np.nan), self.race.prepared
         columns = prepared.white(np.hstack([runs.columns, self.emulator]))
-        columns[~known | prepared.rows.censored] = 0.0
+        columns[~has_run | prepared.rows.censored] = 0.0
         s = random.standard_normal((DRAWS, columns.shape[1]))
-        found = []
+        logs = []
         for fit in self.refit_with_runs(mean, runs.columns):
             along, gram = fit.evidence.solved.against(columns)
-            found.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
-        return np.logaddexp.reduce(found, axis=0)
+            logs.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
+        return np.logaddexp.reduce(logs, axis=0)
 
 
 def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
@@ -125,15 +125,15 @@ def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
 
 def setting_of(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
-    told = race.prepared.predictor.setting(*setting_at(race, fit))
-    numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in told)
+    setting = race.prepared.predictor.setting(*setting_at(race, fit))
+    numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in setting)
     if fit.dose is None:
         return Setting(numbers, acting)
     model, conditions = race.prepared.problem.model, race.prepared.rows.conditions
-    known = model.model_conditions(conditions) if isinstance(model, NameMapping) else conditions
+    columns = model.model_conditions(conditions) if isinstance(model, NameMapping) else conditions
     doses = []
     for row in range(fit.mean.size):
-        at = {path: x for path, x in row_at(known, row).items() if np.isfinite(x)}
+        at = {path: x for path, x in row_at(columns, row).items() if np.isfinite(x)}
         doses.append((at, {name: round_number(column[row]) for name, column in fit.doses.items()}))
     top = {name: round_number(column[np.argmax(np.abs(column))]) for name, column in fit.doses.items()}
     unique = {repr(each): each for each in doses}
@@ -161,9 +161,11 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
     for fits in kinds.values():
         able = sorted((each for each in fits if each.refined), key=score, reverse=True)
         if able:
-            own = tuple(f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None)
-            own = own if able[0].dose is None else (able[0],)
-            classes.append(Kind(race, total(fits), own))
+            fits_of_set = tuple(
+                f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None
+            )
+            fits_of_set = fits_of_set if able[0].dose is None else (able[0],)
+            classes.append(Kind(race, total(fits), fits_of_set))
     return classes
 
 
@@ -172,9 +174,9 @@ def fresh_test(
 ) -> tuple[FreshPart, frozenset[str]]:
     """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
     race = posterior.race
-    kinds, asked = kinds_of(race, decision), race.prepared.predictor.requests
+    kinds, requests = kinds_of(race, decision), race.prepared.predictor.requests
     settings, part = [setting_of(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
-    campaign = first = simulate(settings, asked, separation(race, kinds), progress)
+    campaign = first = simulate(settings, requests, separation(race, kinds), progress)
     if not campaign.runs:
         return FreshPart("not_made", kinds[0].names, needed=len(campaign.keys)), frozenset()
     outcome_part, times = part_of(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
@@ -205,7 +207,7 @@ def part_of(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
     simulated = np.array([total(kind.refit_with_runs(run.mean, run.columns)) for kind, run in each])
     random = np.random.default_rng(SEED)
     right = np.transpose([kind.if_right(run, random) for kind, run in each])
-    before, after = (float(chance(kinds, found - evidence)) for found in (evidence, simulated))
+    before, after = (float(chance(kinds, logs - evidence)) for logs in (evidence, simulated))
     rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
     other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
     p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
@@ -243,8 +245,8 @@ def after_runs(decision: Decision, part: FreshPart) -> Decision:
         return decision
     if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in decision.beyond:
         return replace(decision, mechanisms=part.rival, together=False)
-    tested, left = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
-    if (part.outcome == "contradicted" and left > 1.0 - SURE) or len(part.rival) > 1:
+    tested, neither = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
+    if (part.outcome == "contradicted" and neither > 1.0 - SURE) or len(part.rival) > 1:
         verdict: Verdict = "outside_library" if decision.outside >= SURE else "none_detected"
         return replace(decision, verdict=verdict, mechanisms=(), together=False)
     order = tested[::-1] if part.rivals > part.simulated else tested
@@ -261,27 +263,27 @@ def runs_at(
     tells its own scatter, so that what is said of it does not depend on the others.
     """
     race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
-    point, used, cells = setting_of(race, race.bare), frozenset[str](), condition_numbers(rows)
+    point, keys, cells = setting_of(race, race.bare), frozenset[str](), condition_numbers(rows)
     new = untrained_rows(simulator, predictor, point)[race.prepared.rows.size :]
     sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
     mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]
 
     def campaign_of(row_numbers: Integers) -> FreshCampaign:
         some = rows.rows(row_numbers)
-        asked = predictor.over(some.observables, some.which, some.conditions).requests
-        spent = simulator.training.elsewhere + len(used - simulator.stored_keys)
-        known = replace(simulator, training=replace(simulator.training, elsewhere=spent))
-        return known.simulate([point], asked, np.ones(row_numbers.size), progress)
+        requests = predictor.over(some.observables, some.which, some.conditions).requests
+        spent = simulator.training.elsewhere + len(keys - simulator.stored_keys)
+        counting = replace(simulator, training=replace(simulator.training, elsewhere=spent))
+        return counting.simulate([point], requests, np.ones(row_numbers.size), progress)
 
     for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
         campaign_of(np.concatenate(sets[first : first + MOST_CONDITIONS]))
-    for own in sets:
-        if runs := (campaign := campaign_of(own)).runs:
-            mean[own], used = runs[0].mean, used | campaign.keys
+    for cell_rows in sets:
+        if runs := (campaign := campaign_of(cell_rows)).runs:
+            mean[cell_rows], keys = runs[0].mean, keys | campaign.keys
             columns.append(np.zeros((rows.size, runs[0].columns.shape[1])))
-            columns[-1][own] = runs[0].columns
+            columns[-1][cell_rows] = runs[0].columns
     gap = np.where(new, mean - place.model.sure_mean((), race.bare.v)[race.prepared.rows.size :], 0.0)
-    return replace(place, runs=(new, gap, np.hstack(columns))), used
+    return replace(place, runs=(new, gap, np.hstack(columns))), keys
 
 
 def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:
@@ -292,11 +294,13 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
         return training.simulator.overrides(measures[scene], at, {}, point.effects)
 
-    made = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
-    for observable, rows, stated in predictor.requests:
+    trained = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
+    for observable, rows, conditions_of in predictor.requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
-        known = mapping.model_conditions(stated)
-        untrained[rows] = [(scene, conditions(scene, row_at(known, k))) not in made for k in range(rows.size)]
+        columns = mapping.model_conditions(conditions_of)
+        untrained[rows] = [
+            (scene, conditions(scene, row_at(columns, k))) not in trained for k in range(rows.size)
+        ]
     return untrained
 
 
@@ -320,5 +324,5 @@ def gap_of(race: Race, kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapP
     worst, name, effects = min(tests, key=lambda each: each[0].p)
     place = race.prepared.rows.conditions_at(worst.row)
     at = {key: value for key, value in place.items() if np.isfinite(value)}
-    told = (worst.emulated, worst.emulated_sd, worst.simulated, worst.simulated_sd)
-    return GapPart(effects, name, at, *told, p=min(1.0, len(tests) * worst.p))
+    numbers = (worst.emulated, worst.emulated_sd, worst.simulated, worst.simulated_sd)
+    return GapPart(effects, name, at, *numbers, p=min(1.0, len(tests) * worst.p))

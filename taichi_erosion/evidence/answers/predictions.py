@@ -89,24 +89,24 @@ def predict_study(
     chosen, outdated = (path, ()) if bare else adopted_study(path, options)
     with open_study(chosen, options) as study:
         places = place_units(study.file, study.path, study.effect_files)
-        wanted = read_new_conditions(at, study.file, places, study.problem.measurements, study.path.parent)
-        at_rows = zip(wanted.observable, *wanted.conditions.values(), strict=True)
+        new = read_new_conditions(at, study.file, places, study.problem.measurements, study.path.parent)
+        at_rows = zip(new.observable, *new.conditions.values(), strict=True)
         sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
         question = replace(
             Question("predict", without_candidates, lambda inference: [inference.about_bare], most=1),
-            query=lambda inference: query_rows(inference.posterior.race, wanted),
+            query=lambda inference: query_rows(inference.posterior.race, new),
             query_sets=len(sets),
         )
         inference, ready = answer_question(study, last_plan(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
         record = replace(
-            prediction(inference.posterior, wanted, opened, inference.query), new_runs=inference.query_runs
+            prediction(inference.posterior, new, opened, inference.query), new_runs=inference.query_runs
         )
         record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
         name, seen = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
         if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
             seen = record_opening(study.results, study.drawn_from, name)
-        about = study_frame(ready, inference) | {"at": wanted.file, "vault_opened": seen}
+        about = study_frame(ready, inference) | {"at": new.file, "vault_opened": seen}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
         files.write_document(files.document_file(study.results, study.path.stem, "predict"), reply.document)
@@ -125,17 +125,17 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.named
-        written = path.with_name(Path(last.about["written"]).name)
-        if written == path or not written.is_file():
+        adopted = path.with_name(Path(last.about["written"]).name)
+        if adopted == path or not adopted.is_file():
             return path, ()
-        path = written
+        path = adopted
     return path, ()
 
 
-def query_rows(race: Race, wanted: NewConditions) -> JointRows:
+def query_rows(race: Race, new: NewConditions) -> JointRows:
     """Wanted rows of the fitted observables, with the model there."""
-    finite = np.isin(wanted.observable, race.prepared.rows.names)
-    chosen = NewConditions(**pick_rows({key: getattr(wanted, key) for key in ROW_WISE}, finite))
+    finite = np.isin(new.observable, race.prepared.rows.names)
+    chosen = NewConditions(**pick_rows({key: getattr(new, key) for key in ROW_WISE}, finite))
     return joint_rows(race, new_rows(race.prepared, chosen))
 
 
@@ -199,9 +199,9 @@ def extrapolations(
     table: Measurements, observable: str, wanted: NewConditions, row: int
 ) -> Iterator[tuple[str, float]]:
     """Conditions of a new row outside the range in which its observable was measured, with its end."""
-    own = np.array(table.observable) == observable
+    of_observable = np.array(table.observable) == observable
     for name, column in wanted.conditions.items():
-        measured = table.conditions[name][own]
+        measured = table.conditions[name][of_observable]
         measured, value = measured[np.isfinite(measured)], float(column[row])
         if not measured.size or not np.isfinite(value):
             continue

@@ -254,10 +254,10 @@ def with_fresh_runs(
     simulator = FreshSimulator(runs, mapping, new_keys, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
-        rows, used = runs_at(question.query(inference), simulator, progress)
-        inference = replace(inference, query=rows, query_runs=len(used))
+        rows, keys = runs_at(question.query(inference), simulator, progress)
+        inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, used = fresh_test(inference.posterior, decision, simulator.simulate, progress)
+        part, keys = fresh_test(inference.posterior, decision, simulator.simulate, progress)
         inference = replace(inference, decision=after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
         about = inference.about(*(kind.fits[0] for kind in kinds_of(race, decision)))
@@ -265,11 +265,11 @@ def with_fresh_runs(
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
     inference = replace(inference, fresh=part)
-    if not used:
+    if not keys:
         return inference, ready
-    entry = {"rounds": count, "runs": sorted(used.union(stored[key]["runs"] if key in stored else ()))}
+    entry = {"rounds": count, "runs": sorted(keys.union(stored[key]["runs"] if key in stored else ()))}
     write_rounds(study, rounds, {**stored, key: entry})
-    return inference, replace(ready, simulations=(ready.simulations or 0) + len(used))
+    return inference, replace(ready, simulations=(ready.simulations or 0) + len(keys))
 
 
 def with_stored_rounds(
@@ -279,18 +279,22 @@ def with_stored_rounds(
     study, rounds = runs.study, read_rounds(runs.study)
     budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
-    past = {name: made for name, made in rounds.items() if name != key and name.startswith(start) == is_fresh}
+    past = {
+        name: settings
+        for name, settings in rounds.items()
+        if name != key and name.startswith(start) == is_fresh
+    }
     own_rounds = list(rounds.get(key, []))
-    for name, made in [*past.items(), (key, own_rounds)]:
-        for number, about in enumerate(made):
+    for name, settings in [*past.items(), (key, own_rounds)]:
+        for number, about in enumerate(settings):
             spent = name.rpartition(" ")[2]
             if not runs.mechanisms and has_doses(about):
                 runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
     tests = {run for entry in stored_rounds(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
-    alike = [made for name, made in past.items() if name.endswith(budget)]
-    return runs, own_rounds, {acting(point) for made in alike for about in made for point in about}
+    alike = [settings for name, settings in past.items() if name.endswith(budget)]
+    return runs, own_rounds, {acting(point) for settings in alike for about in settings for point in about}
 
 
 def next_points(
@@ -352,7 +356,9 @@ def read_rounds(study: Study) -> Rounds:
 
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
-    plain = {name: [[asdict(point) for point in about] for about in made] for name, made in rounds.items()}
+    plain = {
+        name: [[asdict(point) for point in about] for about in settings] for name, settings in rounds.items()
+    }
     tests = stored_rounds(study)["fresh"] if fresh is None else dict(fresh)
     files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})
 

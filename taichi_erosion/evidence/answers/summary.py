@@ -73,10 +73,10 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
 
 def decision_part(posterior: Posterior, decision: Decision) -> parts.DecisionPart:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
-    named = {*decision.inclusion, *decision.beyond}
+    names = {*decision.inclusion, *decision.beyond}
     table: dict[str, float] = {"none": decision.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in named))
+        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in names))
         if acting or OUTSIDE in hypothesis.beside:
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
@@ -185,7 +185,7 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
     status, unseen = status_of(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
-    above = [ended for tried, ended in race.model.candidates[name].tried if tried >= limit]
+    above = [ended for strength, ended in race.model.candidates[name].tried if strength >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
     value, low, high = (nan, 0.0, limit) if status == "excluded" else vars(strength).values()
@@ -343,8 +343,8 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
             column = int(np.argmax(each.fit.evidence.solved.rows.block == index))
-            stated = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
-            sizes = np.append(sizes, unit * each.values[:, column] + stated)
+            shifts = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
+            sizes = np.append(sizes, unit * each.values[:, column] + shifts)
         chance = float(weight @ (np.abs(sizes) > 0.5 * unit)) / float(weight.sum())
         shift = interval(sizes, weight)
         if chance > 0.5 and shift.low * shift.high > 0.0:

@@ -257,8 +257,8 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
         return []
     if name not in AMOUNTS:
         return ['transform = "log"']
-    own = parse_unit(unit or rows[0].unit)
-    size = [(row, (conversion(parse_unit(row.unit), own) or 1.0) * row.value) for row in rows]
+    first_unit = parse_unit(unit or rows[0].unit)
+    size = [(row, (conversion(parse_unit(row.unit), first_unit) or 1.0) * row.value) for row in rows]
     limit = min((value for row, value in size if row.reach == -inf), default=0.0)
     seen = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
     return ['transform = "log_floor"', f"floor = {max(limit, seen):.6g}    # below it the scale is linear"]

@@ -71,13 +71,15 @@ class ComparisonRows:
         """Rows to check, which differ grossly from their repeats."""
         off = {(each.observable, line) for each in self.apart for line in each.suspects}
         rows = zip(self.names, self.lines, strict=True)
-        return np.array([(name, own[0]) in off for name, own in rows], bool)
+        return np.array([(name, lines[0]) in off for name, lines in rows], bool)
 
     @property
     def contradicted(self) -> Bools:
         """Readings that their own repeats contradict: they wait for a correction and take no part."""
         off = {(each.observable, *each.suspects) for each in self.apart}
-        return np.array([(name, *own) in off for name, own in zip(self.names, self.lines, strict=True)], bool)
+        return np.array(
+            [(name, *lines) in off for name, lines in zip(self.names, self.lines, strict=True)], bool
+        )
 
     @property
     def known(self) -> Bools:
@@ -102,26 +104,26 @@ class ComparisonRows:
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
-        found = pick_rows({name: getattr(self, name) for name in ROW_WISE}, index)
-        found["shared"] = shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0]
-        found["covariance"] = None if self.covariance is None else self.covariance[np.ix_(index, index)]
-        return replace(self, **found)
+        columns = pick_rows({name: getattr(self, name) for name in ROW_WISE}, index)
+        columns["shared"] = shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0]
+        columns["covariance"] = None if self.covariance is None else self.covariance[np.ix_(index, index)]
+        return replace(self, **columns)
 
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
     names, table = sorted(set(table.observable)), replace(table, line=table.lines)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
-    named = np.array(table.observable)
-    found = [
-        merged_rows(observables, index, table.rows(np.flatnonzero(named == name)))
+    observable = np.array(table.observable)
+    parts = [
+        merged_rows(observables, index, table.rows(np.flatnonzero(observable == name)))
         for index, name in enumerate(names)
     ]
-    rows = join_rows(found)
+    rows = join_rows(parts)
     scatters = [noise.scatter for noise in rows.noise.values()]
     # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
-    own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
-    if sum(scatter.freedom for scatter in scatters) + sum(own) / max(len(own), 1) >= LEAST_FREEDOM:
+    freedom = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
+    if sum(scatter.freedom for scatter in scatters) + sum(freedom) / max(len(freedom), 1) >= LEAST_FREEDOM:
         return rows
     note = (
         "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
@@ -220,18 +222,18 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
         if not tested.any():
             continue
         squares, within = pure_error(rows.z[tested], 1.0 / variance[tested], cell[tested])
-        left = float(np.sum(1.0 - leverage[tested])) - within
+        freedom = float(np.sum(1.0 - leverage[tested])) - within
         single = noise.scatter.variance[np.isfinite(noise.scatter.variance)]
         m = float(np.sum(np.median(single) / variance[tested])) / np.unique(cell[tested]).size
         between = (float(residual[tested] @ residual[tested]) - squares) / (1.0 + 0.25 * m)
-        parts.append((between, left, *noise.scatter.pure))
+        parts.append((between, freedom, *noise.scatter.pure))
     return lack_of_fit(parts)
 
 
 def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's conditions, set-up and source; equal for repeated rows."""
-    made = [f"{group}|{name}" for group, name in zip(table.group, source_names(table.source), strict=True)]
-    return condition_numbers(table) * table.size + np.unique(np.array(made), return_inverse=True)[1]
+    set_ups = [f"{group}|{name}" for group, name in zip(table.group, source_names(table.source), strict=True)]
+    return condition_numbers(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
 
 
 def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
@@ -285,10 +287,10 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
 
 def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
     """Budget of one observable."""
-    known = variance[np.isfinite(variance)]
+    finite = variance[np.isfinite(variance)]
     tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
     return ObservableNoise(
-        lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
+        lab=float(np.sqrt(max(np.median(finite) - tolerance**2, 0.0))) if finite.size else np.nan,
         numerical=tolerance,
         scatter=scatter,
     )
@@ -298,12 +300,12 @@ def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     """Rows of all observables."""
 
     def all_of(name: str) -> Any:
-        first, *_ = found = [getattr(part, name) for part in parts]
+        first, *_ = values = [getattr(part, name) for part in parts]
         if isinstance(first, np.ndarray):
-            return np.concatenate(found)
+            return np.concatenate(values)
         if isinstance(first, tuple):
-            return tuple(each for own in found for each in own)
-        return {key: np.concatenate([own[key] for own in found]) for key in first}
+            return tuple(each for column in values for each in column)
+        return {key: np.concatenate([column[key] for column in values]) for key in first}
 
     shared = np.asarray(linalg.block_diag(*(part.shared for part in parts)))
     return replace(

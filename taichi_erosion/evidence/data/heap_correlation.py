@@ -94,7 +94,7 @@ def shared_share(rows: ComparisonRows, matrix: Floats) -> Floats:
         shares[np.ix_(members, members)] += np.minimum.outer(count, count)
     if not on:
         return shares
-    whole = np.array([sum(own.values()) for own in rows.heaps])  # repeats behind each row
+    whole = np.array([sum(counts.values()) for counts in rows.heaps])  # repeats behind each row
     shares *= matrix[np.ix_(rows.which, rows.which)] / np.sqrt(np.outer(whole, whole))
     shares[rows.which[:, np.newaxis] == rows.which] = 0.0
     return shares
@@ -106,10 +106,10 @@ def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
     single = scatter_variance(rows) * [sum(variances.values()) for variances in rows.heaps]
     share = np.zeros(len(rows.observables))
     for k, observable in enumerate(rows.observables):
-        own = single[(rows.which == k) & np.isfinite(single)]
-        if observable.name in replicates.names and own.size:
+        finite = single[(rows.which == k) & np.isfinite(single)]
+        if observable.name in replicates.names and finite.size:
             sd = float(replicates.sd[replicates.names.index(observable.name)])
-            share[k] = min(1.0, sd / max(float(np.sqrt(np.median(own))), 1e-300))
+            share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     names = [each.name for each in rows.observables]
     known = HeapCorrelation(replicates.names, replicates.correlation).of(names)
     return np.where(correlation > 0.0, 1.0, known * np.outer(share, share))
@@ -167,6 +167,6 @@ def valid_correlation(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats
     values, vectors = np.linalg.eigh(matrix)
     if values[0] >= least:
         return matrix
-    found = (vectors * np.maximum(values, least)) @ vectors.T
-    size = np.sqrt(np.diag(found))
-    return np.asarray(found / np.outer(size, size), dtype=np.float64)
+    correlation = (vectors * np.maximum(values, least)) @ vectors.T
+    size = np.sqrt(np.diag(correlation))
+    return np.asarray(correlation / np.outer(size, size), dtype=np.float64)

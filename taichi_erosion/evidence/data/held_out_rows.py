@@ -59,14 +59,16 @@ def split_rows(
     hidden = inside | visible | among
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
-    held = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
-    told = measurements.table_units.condition_text
-    spans = {name: " to ".join(told(name, end) for end in ends) for name, ends in ranges.items()}
+    visible_units = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
+    condition_text = measurements.table_units.condition_text
+    spans = {name: " to ".join(condition_text(name, end) for end in ends) for name, ends in ranges.items()}
     named = "".join(f", and {name} from {span}" for name, span in spans.items())
     named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
-    return np.flatnonzero(hidden), split_sentence(len(held), by_group, named, int(hidden.sum()), len(units))
+    return np.flatnonzero(hidden), split_sentence(
+        len(visible_units), by_group, named, int(hidden.sum()), len(units)
+    )
 
 
 def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
@@ -130,17 +132,17 @@ def drawn_units(
     remaining = free & ~visible
     before, crossings = varying(measurements, remaining), crossed_levels(measurements, remaining, 3)
     among, held = (unit_counts(measurements, units, rows) for rows in (free, free & visible))
-    wanted = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
+    quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
     drawn: set[Unit] = set()
     for unit in (each for each in order if each in seen):
         without = remaining & (unit_of_row != numbers[unit])
         enough = np.unique(points[without]).size >= least and varying(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
-        if identified and all(wanted[name] > 0 for name in seen[unit]):
+        if identified and all(quota[name] > 0 for name in seen[unit]):
             drawn.add(unit)
             remaining = without
             for name in seen[unit]:
-                wanted[name] -= 1
+                quota[name] -= 1
     return drawn
 
 

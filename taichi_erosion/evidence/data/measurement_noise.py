@@ -102,9 +102,9 @@ def moderate_variance(variance: Floats, freedom: Floats, shapes: Floats) -> tupl
         return even
     ends = 0.5 * LEAST_PRIOR, MOST_PRIOR  # trigamma(nu_0 / 2) = excess, with nu_0 from LEAST_PRIOR up
     least, most = (float(special.polygamma(1, end)) for end in ends[::-1])
-    wanted = min(max(excess, least), most)
-    found = scipy.optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=ends)
-    prior = 2.0 * float(found.root)
+    target = min(max(excess, least), most)
+    root = scipy.optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - target, bracket=ends)
+    prior = 2.0 * float(root.root)
     total = prior + freedom
     common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
     mixed = (prior * common + freedom * relative) / total

@@ -59,29 +59,29 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
     runs, requests, _ = run_requests(training)
     effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
-    wanted = {request.key: request for request in requests}
-    done = finished_runs(training.simulator.shared_ledger(), list(wanted))
-    left = [request for key, request in wanted.items() if key not in done]
+    by_key = {request.key: request for request in requests}
+    done = finished_runs(training.simulator.shared_ledger(), list(by_key))
+    missing = [request for key, request in by_key.items() if key not in done]
     workers = training.study.file.campaign.workers or usable_cores()
-    if any(request.arch != "cpu" for request in left):
+    if any(request.arch != "cpu" for request in missing):
         workers = 1  # holds the device
-    second, kinds = pace(wanted, done) / workers, {effects[key] for key in done}
+    second, kinds = pace(by_key, done) / workers, {effects[key] for key in done}
     done_of = {each: {key: done[key] for key in done if effects[key] == each} for each in kinds}
-    seconds_of = {each: pace(wanted, ended) / workers for each, ended in done_of.items()}
+    seconds_of = {each: pace(by_key, ended) / workers for each, ended in done_of.items()}
     room = max(room_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
     rounds = min(rounds, room // size) if size else 0
     fresh = min(fresh, room - rounds * size)
-    mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
-    groups, answer = len({request.group for request in left}), ANSWER * len(wanted)
-    first = sum(seconds_of.get(effects[each.key], second) * each.work for each in left)
+    mean = sum(request.work for request in by_key.values()) / max(len(by_key), 1)
+    groups, answer = len({request.group for request in missing}), ANSWER * len(by_key)
+    first = sum(seconds_of.get(effects[each.key], second) * each.work for each in missing)
     first += START * ceil(groups / workers)
     round_s = second * mean * size + START * ceil(ensembles / workers)
     phases = [first, answer, *[round_s, answer] * rounds]
     phases += [second * mean * fresh + START] if fresh else []
-    used = min(workers, max(len(left), size, 1))
-    return PlanCost(len(done), len(left), rounds * size, rounds, fresh, used, tuple(phases))
+    processes = min(workers, max(len(missing), size, 1))
+    return PlanCost(len(done), len(missing), rounds * size, rounds, fresh, processes, tuple(phases))
 
 
 def function_cost(study: Study, candidates: int) -> str:

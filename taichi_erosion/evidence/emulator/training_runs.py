@@ -217,8 +217,8 @@ def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
     ]
     mechanism_of = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
     runs = list(training.runs)
-    for scene, own in zip(scenes, tried, strict=True):
-        for each in (mechanism_of[name] for name in own):
+    for scene, refused in zip(scenes, tried, strict=True):
+        for each in (mechanism_of[name] for name in refused):
             if design.inactive_reason(scene, each.name, 0.5 * each.high) is None:
                 runs += design.spread_runs(scene, each, training.plan_size, training.study.fresh)
     mechanisms = tuple(mechanism_of.values())
@@ -308,9 +308,9 @@ def run_faults(
     failures = [result.failure for result in results if result.failure]
     if failures:
         name, count = scene.measure.scene.name, f"{len(failures)} of {len(results)}"
-        tried = Counter(name for run, _ in trained for name in run.effects)
+        counts = Counter(name for run, _ in trained for name in run.effects)
         lost = Counter(name for run, result in trained if result.failure for name in run.effects)
-        which = "".join(f", {lost[each]} of {tried[each]} with {each}" for each in lost)
+        which = "".join(f", {lost[each]} of {counts[each]} with {each}" for each in lost)
         words = f"{name}: {count} runs stopped and are left out{which}; the first: {failures[0]}"
         yield SetUpFault("failed_runs", name, words, len(failures) > COMMON * len(results))
     bare = [result for run, result in trained if not run.effects] or results
@@ -364,7 +364,7 @@ def execute_requests(
 def run_requests(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunRequest], list[str]]:
     """Runs that scenes accept, their requests, and why effects were refused."""
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
-    kept, requests, refused = [], [], {}
+    runs, requests, refused = [], [], {}
     for run in training.runs:
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
@@ -375,8 +375,8 @@ def run_requests(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReq
                 raise
             refused["+".join(run.effects)] = str(error)
             continue
-        kept.append(run)
-    return kept, requests, [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
+        runs.append(run)
+    return runs, requests, [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
 
 
 def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:

@@ -122,8 +122,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
     study_document = read_evidence_study(path)
     file = with_options(study_document, options)
-    named = read_effect_files(file.study.effect_files, path.parent, str(path))
-    files = tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
+    effect_files = read_effect_files(file.study.effect_files, path.parent, str(path))
+    files = tuple(dict.fromkeys((*effect_files, *read_effect_files(options.effect_files))))
     table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
     measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
     if impossible := list(study_value_faults(table, file, path.parent)):
@@ -142,8 +142,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
-    wanted, library = file.candidates.mechanisms, mechanism_rows()
-    if missing := [name for name in wanted or () if name not in library]:
+    mechanisms, library = file.candidates.mechanisms, mechanism_rows()
+    if missing := [name for name in mechanisms or () if name not in library]:
         raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(library)}")
     problem = Problem(
         measurements=measurements,
@@ -160,7 +160,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
-        mechanisms=tuple(each for each in parts.mechanisms if wanted is None or each.name in wanted),
+        mechanisms=tuple(each for each in parts.mechanisms if mechanisms is None or each.name in mechanisms),
     )
     shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
@@ -182,18 +182,18 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     """Model function with its cache, and the effects of files that it takes."""
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    added = function_effects(path, files, plugin.mechanisms)
-    listed = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in added.items()}
+    effects = function_effects(path, files, plugin.mechanisms)
+    listed = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in effects.items()}
     adopted = tuple(candidate_of(name, entry, listed.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), listed)
-    values = FunctionModel(plugin, identity, store, file.budget.runs, added)
+    values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
     model = NameMapping(values, dict(file.conditions), observables)
     uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
-    named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
+    identities = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(
-        model, named, candidates, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
+        model, identities, candidates, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
     )
 
 
@@ -214,8 +214,10 @@ def scene_model(
         n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in study_model.measures.items()
     }
     study_model = replace(study_model, measures=measures)
-    named = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
-    identity = ", ".join([*named, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
+    identities = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
+    identity = ", ".join(
+        [*identities, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)]
+    )
     unread = simulator.unread_conditions(file, study_model, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
     return StudyModel(

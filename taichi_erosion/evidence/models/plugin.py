@@ -130,20 +130,20 @@ def declared_mechanisms(declaration: object, where: str) -> tuple[Mechanism, ...
 
 def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
     """Module beside the study file, else an installed one; its neighbours can be imported by it."""
-    beside = folder.joinpath(*name.split(".")).with_suffix(".py")
+    sibling = folder.joinpath(*name.split(".")).with_suffix(".py")
     package = name.partition(".")[0]
     try:
         with contextlib.redirect_stdout(sys.stderr), importable(folder):
-            if beside.is_file():
-                tell_execution(beside, study)
-                return module_of_file(name, beside)
+            if sibling.is_file():
+                tell_execution(sibling, study)
+                return module_of_file(name, sibling)
             spec = importlib.util.find_spec(package)
             if spec is not None and spec.origin is not None and package != OURS:
                 tell_execution(Path(spec.origin), study)
             return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
-            raise BadInput(f"{where}: no file {beside} and no installed package of that name") from None
+            raise BadInput(f"{where}: no file {sibling} and no installed package of that name") from None
         raise BadInput(f"{where}: cannot be imported: {error}") from None
     except Exception as error:
         raise BadInput(f"{where}: cannot be imported: {type(error).__name__}: {error}") from None

@@ -241,18 +241,18 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
 
     An effect that acts in a scene of the study is part of its model, and no candidate.
     """
-    wanted, library = file.candidates, simulator.library
+    choice, library = file.candidates, simulator.library
     scenes = {measure.scene for measure in simulator.measures.values()}
     acting = {each for scene in scenes for each in simulator.acting_effects(scene)}
-    names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
-    if wanted.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
+    names = list(library) if choice.effects == (ALL,) else list(choice.effects or choice.tables)
+    if choice.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
         raise BadInput(f"{name}: candidates.{min(twice)} acts in a scene already: it is part of the model")
     names += simulator.study_effects  # to name a file is to try its effect
-    for effect in (*names, *wanted.tables, *file.adopted):
+    for effect in (*names, *choice.tables, *file.adopted):
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        library_candidate(simulator, effect, wanted.tables.get(effect, CandidateEntry()))
+        library_candidate(simulator, effect, choice.tables.get(effect, CandidateEntry()))
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
@@ -262,12 +262,12 @@ def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Can
     """Sentences on columns that change no run: no effect of the scenes and no candidate reads them."""
     acting = [simulator.acting_effects(each.scene) for each in simulator.measures.values()]
     present = {each.name for each in tried}.union(file.adopted, *acting)
-    read = {name for effect in present for name in simulator.library[effect].reads}
+    conditions = {name for effect in present for name in simulator.library[effect].reads}
     for name, paths in file.conditions.items():
         names = {condition_name(path) for path in dotted_paths(paths)}
         able = ", ".join(key for key, effect in simulator.library.items() if names & {*effect.reads})
         remedy = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
-        if not any(condition_matters(path, read) for path in dotted_paths(paths)):
+        if not any(condition_matters(path, conditions) for path in dotted_paths(paths)):
             yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 

@@ -154,9 +154,9 @@ def smooth_columns(
     kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
     count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))
     columns = square_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
-    found = np.zeros((rows.size, columns.shape[1]))
-    found[at] = size * columns
-    return found
+    values = np.zeros((rows.size, columns.shape[1]))
+    values[at] = size * columns
+    return values
 
 
 def dose_columns(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:

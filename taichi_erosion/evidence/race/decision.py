@@ -95,8 +95,8 @@ def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) ->
     Alone, or `beside` mechanisms that act.
     """
     sets = [{*named, name} for name in group] or [{*named}]
-    race, wanted = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
-    fits = [fit for h, fit in race.fits.items() if h.acting in wanted]
+    race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
+    fits = [fit for h, fit in race.fits.items() if h.acting in sets_of]
     if not fits:
         return False
     best = max(fits, key=lambda fit: fit.log_evidence)

@@ -123,8 +123,8 @@ class Dosing:
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
         fit = replace(fit, errors=self.race.model.errors(self.names, fit.v, self.hypothesis.doses(w)))
-        found = self.evidence_at_mean(self.expansion_about(fit, beta, w, u, 8), beta)
-        return self.race.better(found, self.race.fits.get(self.hypothesis, found))
+        expansion = self.evidence_at_mean(self.expansion_about(fit, beta, w, u, 8), beta)
+        return self.race.better(expansion, self.race.fits.get(self.hypothesis, expansion))
 
     def polish(self) -> Fit:
         """The fit from slopes at its own numbers."""
@@ -214,17 +214,17 @@ def effect_pairs(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) ->
 def add_second(race: Race, every: Sequence[Dosing]) -> None:
     """A second cause beside likely mechanisms and effects, seen from afar; what may be likely is followed."""
     share = race.posterior()
-    ranking, tried = sorted(every, key=lambda one: -share[one.hypothesis]), list[Seen]()
+    ranking, runs = sorted(every, key=lambda one: -share[one.hypothesis]), list[Seen]()
     others, count = ranking, len(race.prepared.problem.mechanisms)
     for _ in range(min(2, count)):
         one, others = others[0], [other for other in others if other.mechanisms != others[0].mechanisms]
-        tried += effect_pairs(race, one, race.fits[one.hypothesis], others)
+        runs += effect_pairs(race, one, race.fits[one.hypothesis], others)
     for fit in sorted(race.sets(1), key=score, reverse=True)[:2]:
         some = ranking[: len(ranking) // 2]
-        tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
+        runs += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
     more = log(race.priors.step / max(len(race.model.candidates) + count - 1, 1))
     fits = []
-    for one, start, w in tried:
+    for one, start, w in runs:
         dosing = replace(one, log_prior=one.log_prior + more)
         fits.append(
             (dosing, dosing.expansion_about(start, Doses(w, w, dosing.root).coefficients, w, None, FIRST), w)

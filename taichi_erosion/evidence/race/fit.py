@@ -186,12 +186,12 @@ class Race:
     ) -> Fit:
         """The evidence of an expansion; scales from `start`, and with `fresh` from their priors too."""
         rows, extra = self.linear(at)
-        found = evidence(rows, rows.scales.start if start is None else start, steps)
+        solution = evidence(rows, rows.scales.start if start is None else start, steps)
         if fresh:
             other = evidence(rows, rows.scales.start, steps)
-            found = max(found, other, key=lambda each: each.log_evidence)
+            solution = max(solution, other, key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
-        return Fit(**settings, evidence=replace(found, log_evidence=found.log_evidence + extra))
+        return Fit(**settings, evidence=replace(solution, log_evidence=solution.log_evidence + extra))
 
     def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
         """Misfit of a mean with all errors at their best, but numbers, strengths and doses held, + |v|^2."""
@@ -212,13 +212,13 @@ class Race:
         """
         damping, fresh = 0.0, False
         for _ in range(most):
-            tried = self.step_of(fit, damping)
-            if tried is None and fresh:
+            step = self.step_of(fit, damping)
+            if step is None and fresh:
                 break
-            if tried is None:
+            if step is None:
                 fit, fresh = self.fit_at_scales(self.with_slopes(fit), steps, fit.scales), True
                 continue
-            v, mean, damping, gain, share = tried
+            v, mean, damping, gain, share = step
             if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
                 fit = self.with_slopes(replace(fit, v=v, mean=mean))
             else:
@@ -360,9 +360,9 @@ class Race:
         v, jacobian = np.delete(parent.v, at), np.delete(parent.jacobian, at, axis=1)
         mean = self.model.mean(names, v)
         start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
-        known = self.fits.get(hypothesis)
-        fit = self.optimise(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else known
-        return self.better(fit or parent, known or fit or parent)
+        fit_known = self.fits.get(hypothesis)
+        fit = self.optimise(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else fit_known
+        return self.better(fit or parent, fit_known or fit or parent)
 
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""

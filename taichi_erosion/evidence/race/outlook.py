@@ -127,8 +127,8 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
         steep[column] = slope(observable, value)
         size[column] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[column]
     sizes = np.append(np.max(fitted.shared, axis=1, initial=0.0), np.nan_to_num(size))
-    told = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
-    both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
+    other_rows = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
+    both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), other_rows])
     places = enumerate(both.observables)
     columns = [shared_errors(each, sizes * (both.which == k), both.conditions) for k, each in places]
     shared = np.hstack(columns)
@@ -234,11 +234,11 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     acting = model.strengths(fit.hypothesis.names, v)
     varied = doses and fit.hypothesis.doses(doses.w)
     known_w = np.tile(np.arange(mean.size) < n, len(fit.doses))
-    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
+    emulator = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
     if place.runs is not None:
-        mean, own[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
-        own = np.hstack([own, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
-    errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
+        mean, emulator[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
+        emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
+    errors, blocks = np.hstack([both.shared, emulator]), both_blocks(place, fit, both, doses)
     conditioned = replace(
         fit,
         mean=mean[:n],

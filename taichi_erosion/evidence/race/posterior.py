@@ -62,7 +62,7 @@ def scale_draws(
     share = np.exp(np.array(log_weight) - np.max(log_weight))
     share = np.minimum(share, 0.1 * share.sum())  # no draw stands for more than a tenth of all
     weights = probability * share / share.sum()
-    return [(*own, weight) for own, weight in zip(scales, weights, strict=True) if weight > 0.0]
+    return [(*draw, weight) for draw, weight in zip(scales, weights, strict=True) if weight > 0.0]
 
 
 @dataclass(frozen=True)
@@ -173,10 +173,10 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
     fit = race.bare
     for name in names:
         hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
-        added = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
-        if added is None:
+        fit_with = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
+        if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
-        fit = added if added.refined else race.optimise(added)
+        fit = fit_with if fit_with.refined else race.optimise(fit_with)
     return restrict(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
 
 
@@ -194,8 +194,8 @@ def has_unexplained_misfit(race: Race) -> bool:
     """
     listed = race.likely(0.0, lambda fit: not fit.hypothesis.beside)
     share = race.posterior()
-    known = sum(share[fit.hypothesis] for fit in listed)
-    unlisted = (1.0 - known) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)
-    if known < race.priors.nothing * (known + unlisted):
+    listed_share = sum(share[fit.hypothesis] for fit in listed)
+    unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)
+    if listed_share < race.priors.nothing * (listed_share + unlisted):
         return True
     return misfit_p(listed[0], levels=False) < FAMILYWISE

@@ -107,8 +107,8 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
     headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
     missing = headline, errors, part_words.where_line(record)
-    held = record.vault
-    before, _, last = adoption(record, held, voc) if held and held.n else ("", "", "")
+    vault = record.vault
+    before, _, last = adoption(record, vault, voc) if vault and vault.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
     return trim(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
 
@@ -150,25 +150,25 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
 
 def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the error falls on rows that no fit has seen."""
-    held = record.vault
-    if held is None or not held.n:
+    vault = record.vault
+    if vault is None or not vault.n:
         names, proposals = say.join_words(record.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
         return trim(Answer((words,), (), (), None), record)
-    first, numbers, last = adoption(record, held, voc)
-    following = (f"{first_step(record, 'adopt', voc, *held.adopted) or last}.",)
-    return trim(Answer((first,), (control(held), numbers), following, error_table(record, held)), record)
+    first, numbers, last = adoption(record, vault, voc)
+    following = (f"{first_step(record, 'adopt', voc, *vault.adopted) or last}.",)
+    return trim(Answer((first,), (control(vault), numbers), following, error_table(record, vault)), record)
 
 
-def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
+def adoption(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows = count_noun(held.n, "held-out row")
-    names = say.join_words(held.adopted)
+    rows = count_noun(vault.n, "held-out row")
+    names = say.join_words(vault.adopted)
     numbers = part_words.numbers_line
-    before, after = held.chi2_per_row_before, held.chi2_per_row_after
+    before, after = vault.chi2_per_row_before, vault.chi2_per_row_after
     change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
     way = "falls" if after < before else "rises"
-    misfits = {"held-out": held.p_after, "fitted": record.p_misfit_after}
+    misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
     if not part_words.improves(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
@@ -180,7 +180,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
         last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
-    remainder = f"what is left is chance ({say.chance(held.p_after)})"
+    remainder = f"what is left is chance ({say.chance(vault.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {remainder}."
     if after >= before:
         first = f"The {rows} hardly test {names}: their error goes {change}; {remainder}."
@@ -188,29 +188,29 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     return first, numbers(record, before=False, without=names), last
 
 
-def control(held: HeldOutPart) -> str:
+def control(vault: HeldOutPart) -> str:
     """What a random other effect does, and how unseen the rows are."""
-    wrong = held.chi2_per_row_wrong_effect
-    end = ", no worse: these rows do not tell which acts" * (wrong <= held.chi2_per_row_after)
+    wrong = vault.chi2_per_row_wrong_effect
+    end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
     size = f"{plain(wrong, 2)} per row"
-    words = f"Control: another effect drawn at random, {held.wrong_effect}, gives {size}{end}."
-    seen = f"The held-out rows have been opened {held.opened} times: they are no longer unseen."
-    return " ".join([*([] if isnan(wrong) else [words]), *([seen] if held.opened > 1 else [])])
+    words = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {size}{end}."
+    seen = f"The held-out rows have been opened {vault.opened} times: they are no longer unseen."
+    return " ".join([*([] if isnan(wrong) else [words]), *([seen] if vault.opened > 1 else [])])
 
 
-def error_table(record: Record, held: HeldOutPart) -> Table:
+def error_table(record: Record, vault: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
-    parts = [(name, record.effects.get(name)) for name in held.adopted]
-    wrong = held.chi2_per_row_wrong_effect
+    parts = [(name, record.effects.get(name)) for name in vault.adopted]
+    wrong = vault.chi2_per_row_wrong_effect
     added = say.join_words(
         f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts
     )
     rows = [
-        ("before", plain(record.chi2_per_row_before, 2), plain(held.chi2_per_row_before, 2)),
-        (f"with {added}", plain(record.chi2_per_row_after, 2), plain(held.chi2_per_row_after, 2)),
+        ("before", plain(record.chi2_per_row_before, 2), plain(vault.chi2_per_row_before, 2)),
+        (f"with {added}", plain(record.chi2_per_row_after, 2), plain(vault.chi2_per_row_after, 2)),
     ]
-    rows += [] if isnan(wrong) else [(f"control: {held.wrong_effect}", "-", plain(wrong, 2))]
-    columns = ("model", f"{record.n} fitted rows", f"{held.n} held-out rows")
+    rows += [] if isnan(wrong) else [(f"control: {vault.wrong_effect}", "-", plain(wrong, 2))]
+    columns = ("model", f"{record.n} fitted rows", f"{vault.n} held-out rows")
     return Table("misfit per row (1 is chance)", columns, tuple(rows))
 
 
@@ -305,7 +305,9 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
     places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
     cells = ((*value_cells(row, units), outside_text(row)) for row in prediction.rows)
     titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]
-    rows = tuple((title, *at, *own) for title, at, own in zip(titles, places, cells, strict=True))
+    rows = tuple(
+        (title, *at, *cells_of_row) for title, at, cells_of_row in zip(titles, places, cells, strict=True)
+    )
     return Table("predictions", columns, rows)
 
 

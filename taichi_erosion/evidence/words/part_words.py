@@ -122,8 +122,8 @@ def rows_text(record: Record) -> str:
 
 def improves(record: Record) -> bool:
     """Whether what is named lowers the misfit, and no held-out rows refute that."""
-    held = record.vault
-    worse = held is not None and held.chi2_after >= held.chi2_before and not held.p_worse >= ADEQUATE
+    vault = record.vault
+    worse = vault is not None and vault.chi2_after >= vault.chi2_before and not vault.p_worse >= ADEQUATE
     return record.chi2_after < record.chi2_before and not worse
 
 
@@ -270,9 +270,9 @@ def strength_text(part: parts.EffectPart) -> str:
 
 def law_text(law: LawPart, voc: say.Vocabulary) -> str:
     """`factor = 1 + 0.8 (moisture / 5 %)^1.2`, in the units of the table."""
-    written = {name: plain(number.value, 2) for name, number in law.numbers.items()}
-    written |= {name: voc.units.size_text(*size) for name, size in law.sizes.items()}
-    text = (law.template or law.expression).format(**written)
+    numbers = {name: plain(number.value, 2) for name, number in law.numbers.items()}
+    numbers |= {name: voc.units.size_text(*size) for name, size in law.sizes.items()}
+    text = (law.template or law.expression).format(**numbers)
     counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
     if counts.endswith(ONE_LESS):
         counts, text = counts.removesuffix(ONE_LESS), f"1 + {text}".replace("+ -", "- ")
