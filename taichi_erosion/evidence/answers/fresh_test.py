@@ -161,11 +161,11 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
     for fits in kinds.values():
         able = sorted((each for each in fits if each.refined), key=score, reverse=True)
         if able:
-            fits_of_set = tuple(
+            alike = tuple(
                 f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None
             )
-            fits_of_set = fits_of_set if able[0].dose is None else (able[0],)
-            classes.append(Kind(race, total(fits), fits_of_set))
+            alike = alike if able[0].dose is None else (able[0],)
+            classes.append(Kind(race, total(fits), alike))
     return classes
 
 
@@ -294,12 +294,12 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
         return training.simulator.overrides(measures[scene], at, {}, point.effects)
 
-    trained = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
+    done = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
     for observable, rows, conditions_of in predictor.requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
         columns = mapping.model_conditions(conditions_of)
         untrained[rows] = [
-            (scene, conditions(scene, row_at(columns, k))) not in trained for k in range(rows.size)
+            (scene, conditions(scene, row_at(columns, k))) not in done for k in range(rows.size)
         ]
     return untrained
 

@@ -280,21 +280,19 @@ def with_stored_rounds(
     budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
     past = {
-        name: settings
-        for name, settings in rounds.items()
-        if name != key and name.startswith(start) == is_fresh
+        name: series for name, series in rounds.items() if name != key and name.startswith(start) == is_fresh
     }
     own_rounds = list(rounds.get(key, []))
-    for name, settings in [*past.items(), (key, own_rounds)]:
-        for number, about in enumerate(settings):
+    for name, series in [*past.items(), (key, own_rounds)]:
+        for number, about in enumerate(series):
             spent = name.rpartition(" ")[2]
             if not runs.mechanisms and has_doses(about):
                 runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
     tests = {run for entry in stored_rounds(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
-    alike = [settings for name, settings in past.items() if name.endswith(budget)]
-    return runs, own_rounds, {acting(point) for settings in alike for about in settings for point in about}
+    alike = [series for name, series in past.items() if name.endswith(budget)]
+    return runs, own_rounds, {acting(point) for series in alike for about in series for point in about}
 
 
 def next_points(
@@ -357,7 +355,7 @@ def read_rounds(study: Study) -> Rounds:
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
     plain = {
-        name: [[asdict(point) for point in about] for about in settings] for name, settings in rounds.items()
+        name: [[asdict(point) for point in about] for about in series] for name, series in rounds.items()
     }
     tests = stored_rounds(study)["fresh"] if fresh is None else dict(fresh)
     files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})

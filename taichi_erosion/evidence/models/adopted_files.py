@@ -72,11 +72,11 @@ def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -
     refuse_foreign_files(study, adoption.effects, force)
     (_, adopted), *scenes = adopted_files(study, adoption.effects)
     write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, adoption)))
-    scenes_read = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
-    effect_files = dict.fromkeys(
-        (*study.effect_files, *(file for one in scenes_read for file in scene_effect_files(one)))
+    tables = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
+    files = dict.fromkeys(
+        (*study.effect_files, *(file for one in tables for file in scene_effect_files(one)))
     )
-    acting = [file for file in effect_files if effect_in(file).name in adoption.strengths]
+    acting = [file for file in files if effect_in(file).name in adoption.strengths]
     return [adopted, *(write_scene(scene, path, study, adoption, acting) for scene, path in scenes)]
 
 

@@ -142,8 +142,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
-    mechanisms, library = file.candidates.mechanisms, mechanism_rows()
-    if missing := [name for name in mechanisms or () if name not in library]:
+    picked, library = file.candidates.mechanisms, mechanism_rows()
+    if missing := [name for name in picked or () if name not in library]:
         raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(library)}")
     problem = Problem(
         measurements=measurements,
@@ -160,7 +160,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
-        mechanisms=tuple(each for each in parts.mechanisms if mechanisms is None or each.name in mechanisms),
+        mechanisms=tuple(each for each in parts.mechanisms if picked is None or each.name in picked),
     )
     shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
@@ -214,10 +214,8 @@ def scene_model(
         n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in study_model.measures.items()
     }
     study_model = replace(study_model, measures=measures)
-    identities = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
-    identity = ", ".join(
-        [*identities, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)]
-    )
+    names = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
+    identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
     unread = simulator.unread_conditions(file, study_model, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
     return StudyModel(

@@ -98,10 +98,10 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
 
 def rival(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
-    rival_outlook = outlook(place, fit)
-    scatter = kappa(place, rival_outlook.solved) ** 2
-    covariance = rival_outlook.covariance() + np.diag(scatter * place.rows.variance / repeats)
-    return Rival(fit.hypothesis, weight, rival_outlook.mean(), covariance)
+    other = outlook(place, fit)
+    scatter = kappa(place, other.solved) ** 2
+    covariance = other.covariance() + np.diag(scatter * place.rows.variance / repeats)
+    return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
 
 def experiment(
@@ -165,7 +165,7 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
     choice: list[tuple[int, float]] = []
-    rejected, best, open_ = 0, 0.0, np.ones(valued.size)
+    lost, best, open_ = 0, 0.0, np.ones(valued.size)
     while len(choice) < min(MOST, valued.size):
         size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
         after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
@@ -178,8 +178,8 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
         sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
         choice.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
         if choice[-1][1] > best + LEAST:
-            rejected, best = len(choice), choice[-1][1]
+            lost, best = len(choice), choice[-1][1]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]
         gap = gap - gap[..., at, np.newaxis] * along
         covariance = covariance - along.transpose(0, 2, 1) * covariance[:, np.newaxis, at]
-    return choice[:rejected] if best > 1.0 - SURE else []
+    return choice[:lost] if best > 1.0 - SURE else []

@@ -56,13 +56,13 @@ def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.A
 def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:
     """The lead, what is missing, does it hold, what next; a line that several commands tell stands once."""
     answer = next(answers[name] for name in ("discover", lead) if name in answers)
-    adoption, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
-    unseen = adoption.missing if adoption is not answer else ()
+    tested, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
+    unseen = tested.missing if tested is not answer else ()
     parts = (
         answers[lead].missing[:1],
         answer.missing,
-        (*unseen, *adoption.holds),
-        (*adoption.following, *proposed),
+        (*unseen, *tested.holds),
+        (*tested.following, *proposed),
     )
     seen: set[str] = set()
     return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)

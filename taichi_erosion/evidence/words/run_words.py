@@ -36,43 +36,40 @@ def run_table(document: Document) -> Table:
     """Simulated and measured values with their difference, one row a measure."""
     simulated, measured, rows = document["measures"], document["measured"], []
     for name in dict.fromkeys((*simulated, *measured)):
-        measure, measurement = simulated.get(name, {}), measured.get(name, {})
-        got, want = (nan if each.get("value") is None else each["value"] for each in (measure, measurement))
+        measure, datum = simulated.get(name, {}), measured.get(name, {})
+        got, want = (nan if each.get("value") is None else each["value"] for each in (measure, datum))
         share = f" ({(got - want) / want:+.0%})" if want else ""
         gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
-        title = heading(quantity(name), measure.get("unit") or measurement.get("unit") or "")
-        rows.append(
-            (title, with_deviation(measure, len(document["replicas"])), with_deviation(measurement), gap)
-        )
+        title = heading(quantity(name), measure.get("unit") or datum.get("unit") or "")
+        rows.append((title, with_deviation(measure, len(document["replicas"])), with_deviation(datum), gap))
     return Table("", COLUMNS, tuple(rows))
 
 
 def comparisons(document: Document) -> Iterator[str]:
     """One sentence for every measured value."""
-    for name, measurement in document["measured"].items():
+    for name, datum in document["measured"].items():
         measure, title = document["measures"].get(name, {}), quantity(name)
         if any(each["blocks"] for each in measure.get("shortfalls", ())):
             yield f"The {title} cannot be compared with the measured one: see the warning."
         elif measure.get("value") is None or not isfinite(measure["value"]):
-            yield f"The {title} has no simulated value; {measurement['value']:g} was measured."
+            yield f"The {title} has no simulated value; {datum['value']:g} was measured."
         else:
-            yield comparison(title, measure, measurement)
+            yield comparison(title, measure, datum)
 
 
-def comparison(title: str, measure: Document, measurement: Document) -> str:
+def comparison(title: str, measure: Document, datum: Document) -> str:
     """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
-    gap = measure["value"] - measurement["value"]
+    gap = measure["value"] - datum["value"]
     shared = known_deviation(measure.get("details", {}).get("shared_sd"))
     size = with_unit(plain(abs(gap), 2), measure.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
     words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in measure.get("shortfalls", ())[:1])
     if (measure.get("n") or 1) < LEAST_RUNS:
-        sd = known_deviation(measurement.get("sd"))
+        sd = known_deviation(datum.get("sd"))
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
     error = hypot(
-        shared,
-        *(known_deviation(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, measurement)),
+        shared, *(known_deviation(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
     )
     far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
     if far and abs(gap) <= CHANCE * error:
@@ -119,7 +116,7 @@ def run_notes(document: Document) -> Iterator[str]:
         yield from (f"{quantity(name)}: {sentence}" for sentence in limits)
         yield from (f"{quantity(name)}: {note}" for note in measure.get("notes", ()))
     yield from consequences(document)
-    sources = {measurement.get("source") for measurement in document["measured"].values()}
+    sources = {datum.get("source") for datum in document["measured"].values()}
     yield from (f"measured: {source}" for source in sources if source)
 
 
