@@ -30,7 +30,7 @@ from taichi_erosion.evidence.answers.set_up import (
     table_faults,
     unit_faults,
 )
-from taichi_erosion.evidence.answers.summary import decision_part, mechanism_parts, summary
+from taichi_erosion.evidence.answers.summary import mechanism_parts, summary
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
@@ -82,7 +82,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
         question = Question("compare", bare, lambda inference: [inference.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
         record = summary(restrict(found.posterior.race, lambda h: not h.acting))
-        record = replace(record, **vars(decision_part(found.posterior, found.decision)))
+        record = replace(record, **vars(found.decision.part))
         return stored_reply(ready, "compare", found, record, start)
 
 
@@ -181,8 +181,8 @@ def discover_record(inference: StudyInference) -> Record:
     """
     posterior, told = inference.posterior, inference.decision
     other = defaultdict[str, list[DecisionPart]](list)
-    for prior, there, decision in sensitivity(posterior, told):
-        other[prior].append(decision_part(there, decision))
+    for prior, _, decision in sensitivity(posterior, told):
+        other[prior].append(decision.part)
     record = replace(summary(posterior, told), fresh_runs=inference.fresh, sensitivity=dict(other))
     record = replace(record, mechanisms=mechanism_parts(record, law_of_decision(posterior, told)))
     doubted = (*record.named, *record.group)
@@ -195,8 +195,8 @@ def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Rec
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     conditioned = condition_on_effects(posterior, effects)
     acting = {"verdict": "present", "named": tuple(effects), "group": ()}
-    record = summary(conditioned, replace(decide(conditioned), mechanisms=(), **acting))
-    before = vars(decision_part(posterior, decide(posterior))) | acting | {"acting_mechanisms": ()}
+    record = summary(conditioned, replace(decide(conditioned), acting_mechanisms=(), **acting))
+    before = vars(decide(posterior).part) | acting | {"acting_mechanisms": ()}
     return replace(record, **before, vault=held_out_part(conditioned, effects, seed))
 
 

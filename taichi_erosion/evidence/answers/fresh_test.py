@@ -180,7 +180,7 @@ def fresh_test(
     if not campaign.runs:
         return FreshPart("not_made", kinds[0].names, needed=len(campaign.keys)), frozenset()
     outcome_part, times = part_of(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
-    while decision.mechanisms and is_open(outcome_part):
+    while decision.acting_mechanisms and is_open(outcome_part):
         nearest = closest(race, campaign)
         times[nearest] *= 2
         if len(campaign.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
@@ -241,17 +241,19 @@ def after_runs(decision: Decision, part: FreshPart) -> Decision:
     That alone where they leave SURE to it. None where they contradict it and leave more than chance to the
     model without effects, and none where the runner-up is a set.
     """
-    if not decision.mechanisms or part.outcome == "confirmed":
+    if not decision.acting_mechanisms or part.outcome == "confirmed":
         return decision
     if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in decision.beyond:
-        return replace(decision, mechanisms=part.rival, together=False)
+        return replace(decision, acting_mechanisms=part.rival, together=False)
     tested, neither = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
     if (part.outcome == "contradicted" and neither > 1.0 - SURE) or len(part.rival) > 1:
-        verdict: Verdict = "outside_library" if decision.outside >= SURE else "none_detected"
-        return replace(decision, verdict=verdict, mechanisms=(), together=False)
+        verdict: Verdict = "outside_library" if decision.unlisted >= SURE else "none_detected"
+        return replace(decision, verdict=verdict, acting_mechanisms=(), together=False)
     order = tested[::-1] if part.rivals > part.simulated else tested
-    group = dict.fromkeys(name for name in (*order, *decision.mechanisms) if name not in decision.named)
-    return replace(decision, mechanisms=tuple(group)[:MOST_TOLD], together=False)
+    group = dict.fromkeys(
+        name for name in (*order, *decision.acting_mechanisms) if name not in decision.named
+    )
+    return replace(decision, acting_mechanisms=tuple(group)[:MOST_TOLD], together=False)
 
 
 def runs_at(

@@ -120,7 +120,12 @@ def closest(race: Race, names: Acting) -> Fit:
 
 def has_open_question(decision: Decision) -> bool:
     """Whether anything that could be said is neither sure nor as good as excluded."""
-    range_ends = (decision.none, decision.outside, *decision.inclusion.values(), *decision.beyond.values())
+    range_ends = (
+        decision.probabilities["none"],
+        decision.unlisted,
+        *decision.inclusion.values(),
+        *decision.beyond.values(),
+    )
     return any(1.0 - SURE < p < SURE for p in range_ends)
 
 
@@ -244,7 +249,7 @@ def with_fresh_runs(
     """
     decision = inference.decision
     if question.query is None and not (
-        question.tested and (decision.named or decision.group or decision.mechanisms)
+        question.tested and (decision.named or decision.group or decision.acting_mechanisms)
     ):
         return inference, ready
     study, stored, rounds = runs.study, stored_rounds(runs.study)["fresh"], read_rounds(runs.study)

@@ -45,11 +45,10 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
     before, now = (float(fit.evidence.solved.rows.weight @ residual(fit) ** 2) for fit in (bare, after))
-    part = decision_part(posterior, decision_used)
     return Record(
-        **vars(part),
+        **vars(decision_used.part),
         effects={name: effect_part(posterior, decision_used, name) for name in model.candidates},
-        mechanisms=mechanism_parts(part),
+        mechanisms=mechanism_parts(decision_used),
         parameters=parameter_parts(posterior),
         levels=tuple(level_parts(posterior)) if sound else (),
         errors=tuple(error_parts(posterior)) if sound else (),
@@ -68,28 +67,6 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         settings=model.settings,
         runs=race.prepared.predictor.cost.runs,
         stopped="budget" if race.stopped else "",
-    )
-
-
-def decision_part(posterior: Posterior, decision: Decision) -> parts.DecisionPart:
-    """Probabilities by explanation; a set beside something unlisted counts as the set."""
-    names = {*decision.inclusion, *decision.beyond}
-    table: dict[str, float] = {"none": decision.none, "outside_library": 0.0}
-    for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in names))
-        if acting or OUTSIDE in hypothesis.beside:
-            key = "+".join(acting) or "outside_library"
-            table[key] = table.get(key, 0.0) + p
-    return parts.DecisionPart(
-        verdict=decision.verdict,
-        named=decision.named,
-        group=decision.group,
-        acting_mechanisms=decision.mechanisms,
-        together=decision.together,
-        refuted=decision.refuted,
-        probabilities=table,
-        p=decision.familywise,
-        unlisted=decision.outside,
     )
 
 
@@ -226,7 +203,7 @@ def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.Curv
 
     It is all that the rows show, no effect beside it.
     """
-    if decision.verdict != "outside_library" or decision.mechanisms:
+    if decision.verdict != "outside_library" or decision.acting_mechanisms:
         return
     unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.beside}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race

@@ -99,8 +99,7 @@ def study_text(study: Study, adoption: Adoption) -> str:
         note = interval_comment(adoption.strengths[effect])
         text = with_entry(text, ("adopted", effect, "strength"), strength, note)
         if effect in listed:
-            known = listed[effect]
-            scale, most = known.prior_scale, known.maximum
+            scale, most = listed[effect].prior_scale, listed[effect].maximum
             if strength > most:
                 scale, most = most, REACH * most
             text = with_entry(text, ("adopted", effect, "prior_scale"), scale)

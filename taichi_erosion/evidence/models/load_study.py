@@ -5,13 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from taichi_erosion.campaign.study_file import (
-    ALL,
-    AdoptedEntry,
-    CandidateEntry,
-    StudyFile,
-    read_evidence_study,
-)
+from taichi_erosion.campaign.study_file import ALL, CandidateEntry, StudyFile, read_evidence_study
+from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
@@ -26,7 +21,6 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     SetUpFault,
     Vault,
-    with_stated,
 )
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.plugin import (
@@ -183,9 +177,8 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
     effects = function_effects(path, files, plugin.mechanisms)
-    listed = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in effects.items()}
-    adopted = tuple(candidate_of(name, entry, listed.get(name)) for name, entry in file.adopted.items())
-    candidates = candidates_of(file, str(path), listed)
+    adopted = tuple(simulator.candidate_of(*each, effects) for each in file.adopted.items())
+    candidates = candidates_of(file, str(path), effects)
     values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
@@ -204,9 +197,7 @@ def scene_model(
     runs = results if file.study.runs is None else path.parent / file.study.runs
     study_model = simulator.study_simulator(path, file, measurements, runs, files)
     candidates = simulator.library_candidates(file, study_model, str(path))
-    adopted = tuple(
-        simulator.library_candidate(study_model, name, entry) for name, entry in file.adopted.items()
-    )
+    adopted = tuple(simulator.candidate_of(*each, study_model.library) for each in file.adopted.items())
     parameters = simulator.uncertain_parameters(file, study_model, measurements, (*candidates, *adopted))
     paths = {number.path for number in parameters}
     scenes = dict.fromkeys(measure.scene for measure in study_model.measures.values())
@@ -223,25 +214,18 @@ def scene_model(
     )
 
 
-def candidates_of(file: StudyFile, name: str, own_candidates: Mapping[str, Candidate]) -> Sequence[Candidate]:
+def candidates_of(file: StudyFile, name: str, own_effects: Mapping[str, Effect]) -> Sequence[Candidate]:
     """Effects to try, without the adopted ones: those of the list, or all that have a table, and own ones."""
     section = file.candidates
     listed = () if section.effects == (ALL,) else section.effects
     for effect in section.tables:
-        if listed and effect not in (*listed, *own_candidates):
+        if listed and effect not in (*listed, *own_effects):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        candidate_of(effect, section.tables.get(effect, CandidateEntry()), own_candidates.get(effect))
-        for effect in dict.fromkeys((*(listed or section.tables), *own_candidates))
+        simulator.candidate_of(effect, section.tables.get(effect, CandidateEntry()), own_effects)
+        for effect in dict.fromkeys((*(listed or section.tables), *own_effects))
         if effect not in file.adopted
     ]
-
-
-def candidate_of(
-    name: str, entry: CandidateEntry | AdoptedEntry, candidate: Candidate | None = None
-) -> Candidate:
-    """An effect with what the study states of it, and what its file says otherwise."""
-    return with_stated(candidate or Candidate(name), prior_scale=entry.prior_scale, maximum=entry.max)
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

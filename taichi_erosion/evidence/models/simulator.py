@@ -252,7 +252,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        library_candidate(simulator, effect, choice.tables.get(effect, CandidateEntry()))
+        candidate_of(effect, choice.tables.get(effect, CandidateEntry()), library)
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
@@ -271,9 +271,10 @@ def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Can
             yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 
-def library_candidate(simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
-    """One effect; the study overrides the library."""
-    candidate = Candidate(name, simulator.library[name].prior_scale, simulator.library[name].most)
+def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:
+    """An effect with the prior of its file, if there is one; the study overrides it."""
+    effect = effects.get(name)
+    candidate = Candidate(name, effect.prior_scale, effect.most) if effect else Candidate(name)
     return with_stated(candidate, prior_scale=entry.prior_scale, maximum=entry.max)
 
 

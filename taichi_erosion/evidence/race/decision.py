@@ -17,7 +17,7 @@ Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import log
 
 import numpy as np
@@ -29,45 +29,40 @@ from taichi_erosion.evidence.race.linear_evidence import with_best_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
 from taichi_erosion.evidence.race.search import prior
-from taichi_erosion.evidence.record import Verdict
+from taichi_erosion.evidence.record import DecisionPart, Verdict
 
 MOST_TOLD = 3  # of a group: more is no answer
 VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds
 ERRORS = ("near", "small", "large", "doubt")
-TOLD = ("verdict", "named", "group", "mechanisms", "together")
+TOLD = ("verdict", "named", "group", "acting_mechanisms", "together")
 SCALES = {"discrepancy": "small", "unlisted": "large", "dose": "dose"}  # others: near
 STEPS = 4  # of the scales of an explanation that is solved anew
 
 
-@dataclass(frozen=True)
-class Decision:
+@dataclass(frozen=True, kw_only=True)
+class Decision(DecisionPart):
     """What is said, and the probabilities behind it."""
 
-    verdict: Verdict
-    named: tuple[str, ...]  # effects that act
-    group: tuple[str, ...]  # of which one acts
-    mechanisms: tuple[str, ...]  # of which one acts, best first, or all
-    none: float  # probability that nothing is missing
-    outside: float  # that something acts that is not in the list, alone or beside effects
     inclusion: dict[str, float]  # of every effect, that it acts
     beyond: dict[str, float]  # of every mechanism
-    familywise: float
-    refuted: tuple[str, ...] = ()  # what would be named, where the rows refute it
-    together: bool = False  # whether all mechanisms act
+
+    @property
+    def part(self) -> DecisionPart:
+        """What an answer keeps of it."""
+        return DecisionPart(**{entry.name: getattr(self, entry.name) for entry in fields(DecisionPart)})
 
     @property
     def sure(self) -> frozenset[str]:
         """What acts where the answer is true; of mechanisms that are not told apart the first."""
-        return frozenset((*self.named, *self.mechanisms[: None if self.together else 1]))
+        return frozenset((*self.named, *self.acting_mechanisms[: None if self.together else 1]))
 
 
 def decide(posterior: Posterior) -> Decision:
     """The decision on a race."""
-    race, share = posterior.race, posterior.probability
+    race = posterior.race
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
     inclusion = {name: probability(posterior, [name]) for name in effects}
     beyond = {name: probability(posterior, [name]) for name in mechanisms}
-    none = share.get(Hypothesis(()), 0.0)
     outside = probability(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
@@ -84,9 +79,30 @@ def decide(posterior: Posterior) -> Decision:
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if both or (verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms))):
         verdict = "outside_library"
-    held = likely if verdict == "outside_library" else ()
-    together = len(both) > 1
-    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted, together)
+    return Decision(
+        verdict=verdict,
+        named=named,
+        group=group,
+        acting_mechanisms=likely if verdict == "outside_library" else (),
+        together=len(both) > 1,
+        refuted=refuted,
+        probabilities=probabilities(posterior, {*effects, *mechanisms}),
+        p=chance,
+        unlisted=outside,
+        inclusion=inclusion,
+        beyond=beyond,
+    )
+
+
+def probabilities(posterior: Posterior, names: set[str]) -> dict[str, float]:
+    """Probabilities by explanation; a set beside something unlisted counts as the set."""
+    table = {"none": posterior.probability.get(Hypothesis(()), 0.0), "outside_library": 0.0}
+    for hypothesis, p in posterior.probability.items():
+        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in names))
+        if acting or OUTSIDE in hypothesis.beside:
+            key = "+".join(acting) or "outside_library"
+            table[key] = table.get(key, 0.0) + p
+    return table
 
 
 def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:

@@ -144,7 +144,7 @@ Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left
 
 def law_of_decision(posterior: Posterior, decision: Decision) -> Law | None:
     """The law of the doses of a mechanism that is told; None without one, or where the budget is spent."""
-    if not decision.mechanisms:
+    if not decision.acting_mechanisms:
         return None
     try:
         return law_of(posterior.race, fit_of(posterior, decision))

@@ -205,19 +205,19 @@ def asked(
 @pytest.mark.parametrize(("share", "outcome"), [(1.0, "confirmed"), (0.0, "contradicted")])
 def test_runs_confirm_what_they_show_and_contradict_what_they_do_not(share, outcome, case):
     part, decision = asked(share, case=case), on_function(*case).decision
-    assert (part.outcome, part.effects) == (outcome, decision.named or decision.mechanisms)
+    assert (part.outcome, part.effects) == (outcome, decision.named or decision.acting_mechanisms)
     assert part.emulated > SURE
     assert (part.simulated > SURE, part.p > 0.05) == (share == 1.0,) * 2
-    assert after_runs(decision, part).mechanisms == decision.mechanisms * int(share)
+    assert after_runs(decision, part).acting_mechanisms == decision.acting_mechanisms * int(share)
 
 
 def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_its_place():
     found = on_function(*MECHANISM)
-    (name,), told = found.decision.mechanisms, setting_of(found.posterior.race, found.posterior.best)
+    (name,), told = found.decision.acting_mechanisms, setting_of(found.posterior.race, found.posterior.best)
     assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
     assert len({own[name] for _, own in told.doses}) > 3
     rival = FreshPart("undecided", (name,), simulated=0.3, rival=("lift",), rivals=0.65)
-    assert after_runs(found.decision, rival).mechanisms == ("lift", name)
+    assert after_runs(found.decision, rival).acting_mechanisms == ("lift", name)
 
 
 def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_most():
@@ -244,11 +244,13 @@ def test_further_seeds_take_the_place_of_the_rows_of_their_set():
 
 def test_a_mechanism_to_which_fresh_runs_leave_the_sure_share_is_told_alone():
     found = on_function(*MECHANISM)
-    left = next(name for name in found.decision.beyond if name not in found.decision.mechanisms)
-    part = FreshPart("undecided", found.decision.mechanisms, simulated=0.03, rival=(left,), rivals=0.95)
-    assert after_runs(found.decision, part).mechanisms == (left,)
+    left = next(name for name in found.decision.beyond if name not in found.decision.acting_mechanisms)
+    part = FreshPart(
+        "undecided", found.decision.acting_mechanisms, simulated=0.03, rival=(left,), rivals=0.95
+    )
+    assert after_runs(found.decision, part).acting_mechanisms == (left,)
     doubtful = replace(part, simulated=0.4, rivals=0.55)
-    assert after_runs(found.decision, doubtful).mechanisms == (left, *found.decision.mechanisms)
+    assert after_runs(found.decision, doubtful).acting_mechanisms == (left, *found.decision.acting_mechanisms)
 
 
 @pytest.mark.parametrize(("share", "never"), [(1.0, "contradicted"), (0.0, "confirmed")])

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.answers.summary import decision_part
 from taichi_erosion.evidence.race.decision import ERRORS, decide, probability, sensitivity, under
 from taichi_erosion.evidence.race.fit import OUTSIDE
 from taichi_erosion.evidence.race.posterior import Posterior, infer
@@ -55,7 +54,7 @@ def rescored(wanted: str) -> list[Posterior]:
 def test_what_is_told_after_fresh_runs_stands_where_the_race_decides_alike():
     usual = race_under(PRIORS)
     told = replace(decide(usual), verdict="group", group=("a", "b"))
-    found = [decision_part(there, decision) for _, there, decision in sensitivity(usual, told)]
+    found = [decision.part for _, _, decision in sensitivity(usual, told)]
     moved = [each for each in found if each.group != ("a", "b")]
     assert len(found) == 10
     assert len(moved) < len(found)

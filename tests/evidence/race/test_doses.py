@@ -49,7 +49,7 @@ def test_a_mechanism_is_told_with_its_doses():
 @pytest.mark.parametrize("case", [3, 62])  # no search from 0 at the numbers of the prior reaches them
 def test_the_search_reaches_doses_that_are_far_from_0(case: int) -> None:
     problem, truth = beyond.draw(case)
-    assert truth.name in decide(infer(problem, 58)).mechanisms
+    assert truth.name in decide(infer(problem, 58)).acting_mechanisms
 
 
 def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
