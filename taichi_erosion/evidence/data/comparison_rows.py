@@ -77,9 +77,7 @@ class ComparisonRows:
     def contradicted(self) -> Bools:
         """Readings that their own repeats contradict: they wait for a correction and take no part."""
         off = {(each.observable, *each.suspects) for each in self.apart}
-        return np.array(
-            [(name, *lines) in off for name, lines in zip(self.names, self.lines, strict=True)], bool
-        )
+        return np.array([(name, *row) in off for name, row in zip(self.names, self.lines, strict=True)], bool)
 
     @property
     def known(self) -> Bools:

@@ -158,17 +158,15 @@ def read_new_conditions(
     wanted = faults.of(wanted_rows, cells, list(file.observables)) or []
     faults.tell()
     rows, reader = [row for row, _ in wanted], RowReader(cells, groups, faults)
-    cells_of = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
-    values: Conditions = {
-        name: np.array([scales[name].to_use(at[name]) for at in cells_of]) for name in columns
-    }
+    texts = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
+    values: Conditions = {name: np.array([scales[name].to_use(at[name]) for at in texts]) for name in columns}
     values |= {name: np.full(len(wanted), value) for name, value in constant.items()}
     return NewConditions(
         tuple(name for _, name in wanted),
         {str(name): values[name] for name in file.conditions},
         tuple(reader.text(cells.lines[row][1], "group") for row in rows),
         tuple(cells.lines[row][0] for row in rows),
-        tuple(cells_of),
+        tuple(texts),
         {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
         str(path),
         {name: value for name, value in constant.items() if value is not None and np.isfinite(value)},

@@ -124,10 +124,8 @@ def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]
         sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
-    candidates = new_rows(prepared, NewConditions(tuple(names), conditions))
-    return replace(
-        candidates, group=tuple(f"|{row}" for row in range(candidates.size))
-    )  # each a set-up of its own
+    cases = new_rows(prepared, NewConditions(tuple(names), conditions))
+    return replace(cases, group=tuple(f"|{row}" for row in range(cases.size)))  # each a set-up of its own
 
 
 def settings(rows: ComparisonRows, indices: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:

@@ -305,9 +305,7 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
     places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
     cells = ((*value_cells(row, units), outside_text(row)) for row in prediction.rows)
     titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]
-    rows = tuple(
-        (title, *at, *cells_of_row) for title, at, cells_of_row in zip(titles, places, cells, strict=True)
-    )
+    rows = tuple((title, *at, *texts) for title, at, texts in zip(titles, places, cells, strict=True))
     return Table("predictions", columns, rows)
 
 

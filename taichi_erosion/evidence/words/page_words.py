@@ -56,14 +56,9 @@ def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.A
 def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:
     """The lead, what is missing, does it hold, what next; a line that several commands tell stands once."""
     answer = next(answers[name] for name in ("discover", lead) if name in answers)
-    tested, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
-    unseen = tested.missing if tested is not answer else ()
-    parts = (
-        answers[lead].missing[:1],
-        answer.missing,
-        (*unseen, *tested.holds),
-        (*tested.following, *proposed),
-    )
+    test, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
+    unseen = test.missing if test is not answer else ()
+    parts = answers[lead].missing[:1], answer.missing, (*unseen, *test.holds), (*test.following, *proposed)
     seen: set[str] = set()
     return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
 

@@ -123,8 +123,7 @@ def run_notes(document: Document) -> Iterator[str]:
 def consequences(document: Document) -> Iterator[str]:
     """What reduced stiffness, adhesion and rolling friction of a scene imply."""
     limits = document.get("limits", {})
-    lists = {"kinds": "grains", "coarse_graining": "grains", "softening": "stiffness"}
-    for name, word in (lists | {"rolling": "rolling friction"}).items():
+    for word, name in (("grains", "kinds"), ("stiffness", "softening"), ("rolling friction", "rolling")):
         yield from (f"{word}: {line}" for line in limits.get(name, ()))
     if adhesion := limits.get("adhesion"):
         yield (

@@ -349,10 +349,9 @@ def explain(scene: Scene) -> dict[str, Any]:
         "expected_speed": expected_speed(scene),
         "diameter": {"low": low, "nominal": nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
-        "coarse_graining": coarse_graining_lines(scene.grains),
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),
-        "kinds": kind_lines(scene),
+        "kinds": [*coarse_graining_lines(scene.grains), *kind_lines(scene)],
         "adhesion": sticking,
         "warnings": [
             *time_step_warnings(chosen, limit),

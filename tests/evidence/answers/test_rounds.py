@@ -141,7 +141,9 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
 
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     found = on_function(NULL)
-    doubtful = replace(found, decision=replace(found.decision, none=0.5))
+    doubtful, sure = (
+        replace(found, decision=replace(found.decision, probabilities={"none": p})) for p in (0.5, 0.95)
+    )
     shares = rounds.sets(found.posterior)
     assert sum(shares.values()) == pytest.approx(1.0)
     bare, *others = rounds.points(doubtful)
@@ -150,7 +152,7 @@ def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     best = max((names for names in shares if names), key=lambda names: shares[names])
     assert tuple(others[0].effects) == best
     assert all(set(point.parameters) == set(bare.parameters) for point in others)
-    assert rounds.points(replace(found, decision=replace(found.decision, none=0.95))) == []
+    assert rounds.points(sure) == []
 
 
 def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():

@@ -35,7 +35,7 @@ def test_a_mechanism_is_told_with_its_doses():
     problem, truth = beyond.draw(CASE)
     posterior = infer(problem, 58)
     found = decide(posterior)
-    assert (found.verdict, found.mechanisms) == ("outside_library", (truth.name,))
+    assert (found.verdict, found.acting_mechanisms) == ("outside_library", (truth.name,))
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
     assert fit.hypothesis.along == truth.condition
@@ -96,7 +96,7 @@ def test_two_mechanisms_and_a_mechanism_beside_a_listed_effect_are_both_told(sec
         acting = {truth.name: size, second: 1.2 if listed else 0.8 * size}
         value[row] += beyond.reduced_places.expected(name, at, truth.parameters, acting)[0] - table.value[row]
     found = decide(infer(replace(problem, measurements=replace(table, value=value)), 58))
-    assert {*found.named, *found.mechanisms} == {truth.name, second}
+    assert {*found.named, *found.acting_mechanisms} == {truth.name, second}
     assert (found.together, bool(found.named)) == (not listed, listed)
 
 
@@ -144,8 +144,8 @@ def test_a_mechanism_that_cannot_reach_the_rows_is_not_told_and_its_doses_stay_i
         found[high] = decide(posterior)
         fits = [fit for fit in posterior.race.fits.values() if fit.dose is not None]
         assert max(float(from_axis(fit.w).max()) for fit in fits) < 1.2 * high
-    assert found[10.0].mechanisms == ("pull",)
-    assert (found[0.05].verdict, found[0.05].mechanisms) == ("outside_library", ())
+    assert found[10.0].acting_mechanisms == ("pull",)
+    assert (found[0.05].verdict, found[0.05].acting_mechanisms) == ("outside_library", ())
 
 
 def law(exponent: float, seed: int, apart: bool = False) -> tuple[MechanismPart, int]:

@@ -37,7 +37,7 @@ def answered(number: int) -> tuple[Posterior, Decision]:
 def test_nothing_is_named_where_nothing_is_missing(number):
     posterior, found = answered(number)
     assert found.verdict == "none_detected"
-    assert found.named == found.group == found.mechanisms == ()
+    assert found.named == found.group == found.acting_mechanisms == ()
     assert found.none > 0.5
     assert posterior.race.model.settings <= 600
     assert posterior.race.model.noisy == (number == NOISY), "which takes many seeds"
