@@ -38,7 +38,7 @@ live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
 wind --sand 0.18mm --wind 0.3,0.4,0.5
 wind --sand 0.24mm --formulas
-wind --sand 0.25mm --moisture 1% --table TABLE --out my_sand
+wind --sand 0.25mm --moisture 1% --table TABLE --precision 5% --out my_sand
 view recordings/sample.rrd
 view recordings/sample.rrd --web
 view STUDY

@@ -53,7 +53,7 @@ def survey_wind(
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
     if files:
-        cost, cores, most = survey.core_minutes(beds), usable_cores(), surveys.MOST_BEDS
+        cost, cores, most = survey.core_minutes(beds), usable_cores(), max(beds, surveys.MOST_BEDS)
         wall = f"{cost / min(cores, beds):.0f} minutes on {cores} cores"
         wall += f"; at most {most} beds, {survey.core_minutes(most):.0f} core-minutes" if precision else ""
         announce(f"{beds} beds, {len(survey.winds)} winds: about {cost:.0f} core-minutes, {wall}")

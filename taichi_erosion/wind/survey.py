@@ -5,6 +5,7 @@ One sand, one contact, one drag law and the same forces: `scenes/quartz_wind.tom
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isfinite, nan, sqrt
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import tomlkit
 
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import make_parent, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.scene_templates import set_entry
 from taichi_erosion.evidence.data.measured import read_table, unit_factor
@@ -161,21 +162,23 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     """Run a scene; groups of beds with fresh seeds follow, up to MOST_BEDS, until a threshold is precise."""
     document, count = run_scene(path, RunOptions(no_record=True, progress=report)), survey.beds
     while count < MOST_BEDS and departure(document, survey.precise) > precision:
-        beds, seed = min(survey.beds, MOST_BEDS - count), document["seed"] + count
-        more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report))
-        replicas, count = [*document["replicas"], *more["replicas"]], count + beds
-        document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
-        for name in document["measures"]:  # shortfalls belong to sets of beds
-            records = [bed["measures"][name] | {"shortfalls": ()} for bed in replicas]
-            single = [Measurement(**each | {"value": each["value"] or nan}) for each in records]
-            document["measures"][name] = as_record(pool_beds(single))
+        seed, beds = document["seed"] + count, min(survey.beds, MOST_BEDS - count)
+        count += beds
+        with suppress(SimulationStopped):  # of all beds of a group, which then adds nothing
+            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report))
+            replicas = [*document["replicas"], *more["replicas"]]
+            document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
+            for name in document["measures"]:  # shortfalls belong to sets of beds
+                records = [bed["measures"][name] for bed in replicas if name in bed["measures"]]
+                single = [Measurement(**m | {"value": m["value"] or nan, "shortfalls": ()}) for m in records]
+                document["measures"][name] = as_record(pool_beds(single))
     return document
 
 
 def departure(document: Mapping[str, Any], name: str) -> float:
     """Distance of a threshold from the further end of its 95 % interval [1]; few beds are close by chance."""
-    measure = document["measures"].get(name, {})
-    if measure.get("n", 0) < LEAST_BEDS or not (ends := measure["details"].get("interval")):
+    measure = document["measures"].get(name, {"n": 0})
+    if measure["n"] < LEAST_BEDS or not (ends := measure["details"].get("interval")):
         return inf
     return max(ends["high"] / measure["value"] - 1.0, 1.0 - ends["low"] / measure["value"])
 
