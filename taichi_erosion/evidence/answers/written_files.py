@@ -25,7 +25,7 @@ from taichi_erosion.evidence.answers.scene_templates import CalibratedNumber
 from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
-from taichi_erosion.evidence.data.problem import Drawn, expected_strength
+from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.rows import Table, tidy_fields
 from taichi_erosion.evidence.emulator.design import inactive_reason
 from taichi_erosion.evidence.emulator.training_runs import study_scenes
@@ -299,7 +299,7 @@ def acting_candidates(study: Study) -> list[str]:
     able = [
         each.name
         for each in study.problem.candidates
-        if any(inactive_reason(scene, each.name, expected_strength(each)) is None for scene in scenes)
+        if any(inactive_reason(scene, each) is None for scene in scenes)
     ]
     effects = {name: simulator.library[name] for name in able}
     tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}

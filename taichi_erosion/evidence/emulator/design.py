@@ -5,7 +5,7 @@ a measured value: studies on the same scenes share their runs, and so does a stu
 makes of it. Later rounds add runs about the explanations that are left.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -62,6 +62,11 @@ class StudyScene:
     simulator: Simulator
     proposed: tuple[Row, ...] = ()  # conditions that could be measured
 
+    @property
+    def centre(self) -> Numbers:
+        """Calibrated numbers in the middle of their priors."""
+        return {axis.name: axis_value(axis, 0.0) for axis in self.axes}
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -100,14 +105,14 @@ def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     path, simulator = scene.measure.scene, scene.simulator
     present = {*effects, *simulator.acting_effects(path)}
     read = {name for effect in present for name in simulator.library[effect].reads}
-    rows: dict[tuple[tuple[str, float], ...], Row] = {}
-    for row in scene.rows:
-        if all(simulator.can_act(effect, path, row) for effect in effects):
-            conditions = {
-                p: value for p, value in row.items() if np.isfinite(value) and condition_matters(p, read)
-            }
-            rows.setdefault(tuple(sorted(conditions.items())), conditions)
-    return list(rows.values())
+    able = (row for row in scene.rows if all(simulator.can_act(effect, path, row) for effect in effects))
+    return distinct_rows(able, lambda path: condition_matters(path, read))
+
+
+def distinct_rows(rows: Iterable[Row], matters: Callable[[str], bool]) -> list[Row]:
+    """Conditions that are stated and matter, each set of them once."""
+    sets = ({path: x for path, x in row.items() if np.isfinite(x) and matters(path)} for row in rows)
+    return list({tuple(sorted(row.items())): row for row in sets}.values())
 
 
 def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
@@ -124,8 +129,8 @@ def calibrated_scene(scene: StudyScene, numbers: Numbers) -> Scene:
 
 def calibrated_factors(scene: StudyScene) -> dict[str, str]:
     """Mechanisms that are a factor of a calibrated number, with its path: a half of them is half of it."""
-    simulator, start = scene.simulator, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}
-    factors, bare = {}, calibrated_scene(scene, start)
+    simulator, start, factors = scene.simulator, scene.centre, {}
+    bare = calibrated_scene(scene, start)
     for effect in (simulator.library[name] for name in simulator.mechanisms):
         if effect.place == "scene":
             halved = effect.act(effect.params(dose=-0.5), 1.0, {}, bare)
@@ -135,13 +140,13 @@ def calibrated_factors(scene: StudyScene) -> dict[str, str]:
     return factors
 
 
-def inactive_reason(scene: StudyScene, name: str, strength: float) -> str | None:
-    """Why an effect of some strength changes nothing that a scene measures, None where it may."""
-    rows = distinct_conditions(scene, (name,))
-    if not rows:
+def inactive_reason(scene: StudyScene, acting: Candidate | Mechanism) -> str | None:
+    """Why an effect of usual strength changes nothing that a scene measures, None where it may."""
+    strength = 0.5 * acting.high if isinstance(acting, Mechanism) else expected_strength(acting)
+    if not (rows := distinct_conditions(scene, (acting.name,))):
         return "none of the conditions lets it act"
     try:
-        inactive = all(leaves_readings(scene, name, strength, row) for row in rows)
+        inactive = all(leaves_readings(scene, acting.name, strength, row) for row in rows)
     except BadInput as error:
         return str(error)
     return f"{scene.measure.scene.name} does not depend on it" if inactive else None
@@ -170,8 +175,11 @@ def spread_runs(
 ) -> list[TrainingRun]:
     """Runs of the bare model, with one effect, or along the dose of a mechanism: these serve any law of it.
 
-    They spread over the reach of the priors, the conditions and strengths. Another tag makes other runs.
+    They spread over the reach of the priors, the conditions and strengths. Another tag makes other runs. None
+    where what acts changes nothing that the scene measures.
     """
+    if acting is not None and inactive_reason(scene, acting) is not None:
+        return []
     names = () if acting is None else (acting.name,)
 
     def strength(_: str, share: float, __: Row) -> float:
@@ -247,7 +255,7 @@ def sampled_runs(
     conditions; `more` counts the dimensions beside the calibrated numbers.
     """
     rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
-    centre = {axis.name: round_number(axis_value(axis, 0.0)) for axis in scene.axes}
+    centre = {name: round_number(value) for name, value in scene.centre.items()}
     (parameter, strength), runs = values, []
     start = np.random.default_rng(int.from_bytes(sha256(key.encode()).digest()[:4], "little"))
     sobol = scipy.stats.qmc.Sobol(len(free) + more, scramble=True, rng=start)

@@ -140,7 +140,11 @@ class FreshSimulator:
                 for (point, _), result in zip(flat, results, strict=True):
                     results_by_point[point].append(result)
                 failed = sum(bool(result.failure) for result in results)
-                runs = self.setting_runs(settings, rows, results_by_point, (seeds, weight.size))
+                scenes = {scene.measure.scene: scene for scene in self.training.scenes}
+                readings = {p: self.readings(scenes[p[0]], r, seeds) for p, r in results_by_point.items()}
+                scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
+                by_setting = (SettingRows(each, rows, readings, scatter) for each in settings)
+                runs = tuple(each.runs((seeds, weight.size)) for each in by_setting)
                 return FreshCampaign(runs, keys, seeds, failed)
         return FreshCampaign((), keys, 0)
 
@@ -176,19 +180,6 @@ class FreshSimulator:
             return [request_of(built, seed_of(key, n), device=simulator.device) for n in range(seeds)]
         except BadInput:
             return []
-
-    def setting_runs(
-        self,
-        settings: Sequence[Setting],
-        rows: Sequence[TestedRow],
-        results_of: Mapping[Point, Sequence[RunResult]],
-        shape: tuple[int, int],
-    ) -> tuple[FreshRuns, ...]:
-        """Results of a campaign as values of every setting in the `shape` (seeds, rows)."""
-        scenes = {scene.measure.scene: scene for scene in self.training.scenes}
-        readings = {p: self.readings(scenes[p[0]], results, shape[0]) for p, results in results_of.items()}
-        scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
-        return tuple(SettingRows(each, rows, readings, scatter).runs(shape) for each in settings)
 
     def readings(self, scene: StudyScene, results: Sequence[RunResult], seeds: int) -> Floats:
         """Values of all observables of a scene, seed by seed; NaN where a run has none."""

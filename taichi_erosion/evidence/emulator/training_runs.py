@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -27,9 +26,8 @@ from taichi_erosion.evidence.data.problem import (
     Progress,
     QueryRows,
     SetUpFault,
-    expected_strength,
 )
-from taichi_erosion.evidence.data.transforms import axis_value, parameter_axis
+from taichi_erosion.evidence.data.transforms import parameter_axis
 from taichi_erosion.evidence.emulator import design
 from taichi_erosion.evidence.emulator.design import PlanSize, Row, Setting, StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.emulator import (
@@ -89,8 +87,8 @@ def initial_training_runs(
         plan_size=smaller(wanted, largest.plan_size),
         ahead_size=None if ahead is None else smaller(wanted, ahead),
     )
-    runs = first_runs(start, effects) + (ahead_runs(start, effects) if proposed else [])
-    elsewhere = len(first_runs(largest, every)) + len(ahead_runs(largest, every)) - len(runs)
+    runs = spread_over(start, effects) + (spread_over(start, effects, True) if proposed else [])
+    elsewhere = len(spread_over(largest, every)) + len(spread_over(largest, every, True)) - len(runs)
     return replace(start, scenes=wider if proposed else scenes, runs=tuple(runs), elsewhere=elsewhere)
 
 
@@ -98,7 +96,7 @@ def affordable(training: TrainingRuns) -> TrainingRuns:
     """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
     most, every = training.study.file.budget.runs or 10**9, known_effects(training.study.problem)
     size, whole = scaled_to(
-        most, training.plan_size, lambda size: first_runs(replace(training, plan_size=size), every)
+        most, training.plan_size, lambda size: spread_over(replace(training, plan_size=size), every)
     )
     if whole > most:
         raise BadInput(
@@ -106,7 +104,7 @@ def affordable(training: TrainingRuns) -> TrainingRuns:
             "raise it, or list fewer candidates"
         )
     ahead, planned = scaled_to(
-        most - whole, size, lambda size: ahead_runs(replace(training, ahead_size=size), every)
+        most - whole, size, lambda size: spread_over(replace(training, ahead_size=size), every, True)
     )
     return replace(training, plan_size=size, ahead_size=ahead if whole + planned <= most else None)
 
@@ -145,13 +143,10 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
         grouped.setdefault(str(measure.scene), []).append(name)
     scenes = []
     for names in grouped.values():
-        rows: dict[tuple[tuple[str, float], ...], Row] = {}
-        for i in (i for i in range(table.size) if table.observable[i] in names):
-            at = row_at({columns[name]: column for name, column in table.conditions.items()}, i)
-            row = {path: value for path, value in at.items() if isfinite(value)}
-            rows.setdefault(tuple(sorted(row.items())), row)
-        measure = simulator.measures[names[0]]
-        scenes.append(StudyScene(measure, tuple(names), tuple(rows.values()), axes, simulator))
+        at = {columns[name]: column for name, column in table.conditions.items()}
+        measured = (row_at(at, i) for i in range(table.size) if table.observable[i] in names)
+        rows = tuple(design.distinct_rows(measured, lambda _: True))
+        scenes.append(StudyScene(simulator.measures[names[0]], tuple(names), rows, axes, simulator))
     return tuple(scenes)
 
 
@@ -172,31 +167,18 @@ def known_effects(problem: Problem) -> dict[str, Candidate]:
     return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
 
 
-def first_runs(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
-    """Runs of the bare model and of every effect, of adopted ones too."""
-    return spread_over(training, training.scenes, effects, training.plan_size, training.study.fresh)
-
-
-def ahead_runs(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
-    """The same at conditions that the laboratory could measure."""
-    if training.ahead_size is None:
-        return []
-    wider = [replace(scene, rows=scene.proposed, proposed=()) for scene in training.scenes if scene.proposed]
-    return spread_over(training, wider, effects, training.ahead_size, f"{training.study.fresh}ahead")
-
-
-def spread_over(
-    training: TrainingRuns, scenes: Sequence[StudyScene], effects: Iterable[str], size: PlanSize, tag: str
-) -> list[TrainingRun]:
-    """Runs of scenes, of the bare model and of every effect."""
-    problem, runs = training.study.problem, []
-    candidates, adopted = known_effects(problem), [candidate.name for candidate in problem.adopted]
-    for scene in scenes:
-        runs += design.spread_runs(scene, None, size, tag)
-        for each in (candidates[name] for name in dict.fromkeys([*effects, *adopted])):
-            if design.inactive_reason(scene, each.name, expected_strength(each)) is None:
-                runs += design.spread_runs(scene, each, size, tag)
-    return runs
+def spread_over(training: TrainingRuns, effects: Iterable[str], ahead: bool = False) -> list[TrainingRun]:
+    """Runs of the bare model and of every effect, of adopted ones too; `ahead`: where could be measured."""
+    scenes, size, tag = training.scenes, training.plan_size, training.study.fresh
+    if ahead:
+        if training.ahead_size is None:
+            return []
+        scenes = tuple(replace(one, rows=one.proposed, proposed=()) for one in scenes if one.proposed)
+        size, tag = training.ahead_size, f"{tag}ahead"
+    candidates, adopted = known_effects(training.study.problem), training.study.problem.adopted
+    names = dict.fromkeys([*effects, *(candidate.name for candidate in adopted)])
+    acting = [None, *(candidates[name] for name in names)]
+    return [run for scene in scenes for each in acting for run in design.spread_runs(scene, each, size, tag)]
 
 
 def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
@@ -211,16 +193,11 @@ def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
     names = list(dict.fromkeys(name for names_of_scene in tried for name in names_of_scene))
     simulator = training.simulator.with_mechanisms(names)
     scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
-    bare = [
-        design.calibrated_scene(scene, {axis.name: axis_value(axis, 0.0) for axis in scene.axes})
-        for scene in scenes
-    ]
+    bare = [design.calibrated_scene(scene, scene.centre) for scene in scenes]
     mechanism_of = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
-    runs = list(training.runs)
-    for scene, refused in zip(scenes, tried, strict=True):
-        for each in (mechanism_of[name] for name in refused):
-            if design.inactive_reason(scene, each.name, 0.5 * each.high) is None:
-                runs += design.spread_runs(scene, each, training.plan_size, training.study.fresh)
+    runs, size, tag = list(training.runs), training.plan_size, training.study.fresh
+    for scene, able in zip(scenes, tried, strict=True):
+        runs += [run for name in able for run in design.spread_runs(scene, mechanism_of[name], size, tag)]
     mechanisms = tuple(mechanism_of.values())
     return replace(training, simulator=simulator, scenes=scenes, mechanisms=mechanisms, runs=tuple(runs))
 
@@ -400,8 +377,7 @@ def inactive_notes(training: TrainingRuns) -> list[str]:
     """Candidates that no scene of the study can show."""
     notes = []
     for each in training.study.problem.candidates:
-        strength = expected_strength(each)
-        reasons = [design.inactive_reason(scene, each.name, strength) for scene in training.scenes]
+        reasons = [design.inactive_reason(scene, each) for scene in training.scenes]
         if all(reason is not None for reason in reasons):
             notes.append(f"{each.name} was not simulated: {reasons[0]}.")
     return notes
