@@ -59,8 +59,8 @@ def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[
         except BadInput as error:
             lines = [str(error)]
         except (OverflowError, ZeroDivisionError, FloatingPointError):
-            told = "numbers too extreme to compute a time step; check the units of sizes and materials"
-            lines = [f"the file: {told}"]
+            problem = "numbers too extreme to compute a time step; check the units of sizes and materials"
+            lines = [f"the file: {problem}"]
     yield from lines
 
 
@@ -120,8 +120,8 @@ def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         return
     least = REST_LEAST * sqrt(nominal_diameter(scene.grains))
     if wind.sleep_after * sqrt(scene.gravity.magnitude) < least:
-        told = "so soon, grains that begin to fall seem to be at rest"
-        yield f"wind.sleep_after = {wind.sleep_after:g} s: {told}; at least 0.1 sqrt(d / g)"
+        reason = "so soon, grains that begin to fall seem to be at rest"
+        yield f"wind.sleep_after = {wind.sleep_after:g} s: {reason}; at least 0.1 sqrt(d / g)"
 
 
 def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -130,8 +130,8 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         return
     for place, (count, size) in enumerate(zip(wind.columns, (wind.length, wind.width), strict=True)):
         if size / count < nominal_diameter(scene.grains):
-            told = "narrower than a grain; averages over them mean nothing"
-            yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {told}"
+            reason = "narrower than a grain; averages over them mean nothing"
+            yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {reason}"
     friction = max([wind.friction_velocity, *(stage.friction_velocity or 0.0 for stage in scene.stages)])
     friction = wind.partition * max(friction, scene.threshold.transport or 0.0, scene.threshold.first or 0.0)
     above = wind.height - surface_height(scene, wind)
@@ -177,8 +177,8 @@ def room_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iter
             across = float(np.linalg.norm(arm - along * own_axis))
             inner = float(np.interp(along, row[7::2], row[6::2], left=inf, right=inf))
             if abs(axis @ own_axis) > PARALLEL and across < inner < across + radius:
-                told = f"geometry.{name} has a radius of {inner:g} m there"
-                yield f"{path} = {radius:g} m: grains would start outside the wall; {told}"
+                reason = f"geometry.{name} has a radius of {inner:g} m there"
+                yield f"{path} = {radius:g} m: grains would start outside the wall; {reason}"
 
 
 def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
@@ -224,8 +224,8 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iter
         names = (
             ("domain.period.0", "domain.period.1") if scene.wind is None else ("wind.length", "wind.width")
         )
-        each = zip(names, scene.patch_size, places_per_layer(scene.patch_size, fill), strict=True)
-        for name, size, places in each:
+        sides = zip(names, scene.patch_size, places_per_layer(scene.patch_size, fill), strict=True)
+        for name, size, places in sides:
             if places < PATCH_GRAINS_LEAST:
                 least = PATCH_GRAINS_LEAST
                 yield f"{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
@@ -286,8 +286,8 @@ def computed_problems(scene: AirScene) -> Iterator[str]:
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
     step, longest = air_time_step(scene), longest_step(scene)
     if step > longest * (1.0 + 1e-9):
-        told = "lets wind or diffusion cross more than a cell (CFL)"
-        yield f"run.time_step = {step:g} s {told}; at most {longest:.3g} s"
+        reason = "lets wind or diffusion cross more than a cell (CFL)"
+        yield f"run.time_step = {step:g} s {reason}; at most {longest:.3g} s"
     if scene.run.duration / step > MOST_AIR_STEPS:
         steps = f"{scene.run.duration / step:.2g} steps of {step:.2g} s"
         yield f"run.duration: {steps}; at most {MOST_AIR_STEPS:g}"

@@ -65,14 +65,14 @@ SENTENCES = {  # by kind of error; pydantic tells the others
 }
 
 
-def refuse_other_kind(path: Path, wanted: Wanted, *also: str) -> None:
+def refuse_other_kind(path: Path, ours: Wanted, *also: str) -> None:
     """Raise BadInput, with the right command, for a folder or a file that is certainly of another kind."""
     name = one_line_name(path)
     if path.is_dir():
-        raise BadInput(f"{name}: is a folder; name a {wanted}")
-    found = file_kind(path)
-    if found not in (None, wanted, *also) and path.is_file():
-        raise BadInput(f"{name}: {REMEDIES[found].format(path=shlex.quote(name))}; a {wanted} is wanted here")
+        raise BadInput(f"{name}: is a folder; name a {ours}")
+    kind = file_kind(path)
+    if kind not in (None, ours, *also) and path.is_file():
+        raise BadInput(f"{name}: {REMEDIES[kind].format(path=shlex.quote(name))}; a {ours} is wanted here")
 
 
 def file_kind(path: Path) -> str | None:
@@ -114,10 +114,10 @@ def is_air_scene(path: Path) -> bool:
     return "air" in table and "grains" not in table
 
 
-def toml_table(path: str | Path, wanted: Wanted = "scene") -> dict[str, Any]:
+def toml_table(path: str | Path, kind: Wanted = "scene") -> dict[str, Any]:
     """Raw table of a TOML file of the wanted kind."""
     name = one_line_name(path)
-    refuse_other_kind(Path(path), wanted)
+    refuse_other_kind(Path(path), kind)
     try:
         return deepcopy(dict(toml_tree(file_text(Path(path), name))))
     except (ValueError, RecursionError) as error:
@@ -207,7 +207,7 @@ def problem_lines(error: ValidationError, table: Any, diameter: float | None = N
 def problem_line(entry: Any, table: Any) -> str:
     """`grains.count = -3 lies outside [1, 5e+06]`."""
     kind, context = entry["type"], entry.get("ctx", {})
-    words, written = place_in_file(entry["loc"], table)
+    words, entered = place_in_file(entry["loc"], table)
     where, tag = dotted_path(words), context.get("discriminator", "").strip("'")
     if kind == "unknown":
         return f"{dotted_path([*words, context['key']])} is unknown; {context['hint']}"
@@ -221,9 +221,9 @@ def problem_line(entry: Any, table: Any) -> str:
         return f"{where}.{tag} = {short_value(context['tag'])} is not one of {context['expected_tags']}"
     value = short_value(entry["input"])
     if words and words[-1].endswith(DIAMETERS):
-        value = f"{short_value(written)} diameters: {value}"
-    told = entry["msg"].replace("Input should be", "is not one of" if kind == "literal_error" else "must be")
-    return f"{where} = {value} {SENTENCES.get(kind, told[:1].lower() + told[1:])}"
+        value = f"{short_value(entered)} diameters: {value}"
+    text = entry["msg"].replace("Input should be", "is not one of" if kind == "literal_error" else "must be")
+    return f"{where} = {value} {SENTENCES.get(kind, text[:1].lower() + text[1:])}"
 
 
 def place_in_file(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
@@ -234,15 +234,15 @@ def place_in_file(location: tuple[str | int, ...], table: Any) -> tuple[list[str
     """
     words: list[str] = []
     for key in location:
-        written = key
+        spelling = key
         if isinstance(table, dict) and key not in table:
             if key in [table.get(name) for name in TAGS]:
                 continue
-            written = f"{key}{DIAMETERS}" if f"{key}{DIAMETERS}" in table else key
+            spelling = f"{key}{DIAMETERS}" if f"{key}{DIAMETERS}" in table else key
         if key != "[key]":
-            words.append(str(written))
+            words.append(str(spelling))
             try:
-                table = table[written]
+                table = table[spelling]
             except (KeyError, IndexError, TypeError):
                 table = None
     return words, table

@@ -160,8 +160,8 @@ def number_at(path: str) -> NumberEntry | None:
 
 def unit_of_path(path: str) -> str | None:
     """Unit of the number that a dotted path sets; None where there is none."""
-    found = number_at(path)
-    return found and found.unit
+    number = number_at(path)
+    return number and number.unit
 
 
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:

@@ -107,10 +107,10 @@ def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
 
 def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
     """Other units that put all numbers of a column within the usual range."""
-    written, units = parse_scale(unit or allowed.unit), list[str]()
+    source, units = parse_scale(unit or allowed.unit), list[str]()
     for other in UNITS if any(values) else ():
         scale, target = scale_of(other, allowed), parse_scale(other)
-        another = (target.factor, target.origin) != (written.factor, written.origin)
+        another = (target.factor, target.origin) != (source.factor, source.origin)
         if scale is not None and another and all(allowed.is_usual(scale.to_use(value)) for value in values):
             units.append(other)
     return units

@@ -55,7 +55,7 @@ def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup
     fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
     faces = air_setup.bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
     ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress" if wind.drive == "lid" else "symmetry")}
-    made = AirSetup(
+    column = AirSetup(
         cells=(*wind.columns, len(faces) - 1),
         low=(0.0, 0.0, 0.0),
         high=(wind.length, wind.width, wind.height),
@@ -68,7 +68,7 @@ def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup
         friction_velocity=wind.partition * wind.friction_velocity,
         ground=surface_height(scene, wind),
     )
-    return made if wind.columns == (1, 1) else on_grid(made, wind, diameter, seed)
+    return column if wind.columns == (1, 1) else on_grid(column, wind, diameter, seed)
 
 
 def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetup:

@@ -48,8 +48,8 @@ def true_young(material: Material) -> float:
     """Young's modulus before softening [Pa]."""
     if material.softening is None:
         return young_modulus(material)
-    given = material.shear_modulus or material.young_modulus or 1.0
-    return young_modulus(material) * material.softening.true_modulus / given
+    modulus = material.shear_modulus or material.young_modulus or 1.0
+    return young_modulus(material) * material.softening.true_modulus / modulus
 
 
 def surface_energy(grains: Grains, contact: Contact, a: Material, b: Material) -> float:

@@ -90,9 +90,9 @@ def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> F
     """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
     square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
     allowed = np.searchsorted(np.cumsum(radius**2), inlet.coverage * square, side="right")
-    wanted = max(1, min(int(allowed), len(radius)))
-    points = np.zeros((wanted, 3))
-    for k in range(wanted):
+    count = max(1, min(int(allowed), len(radius)))
+    points = np.zeros((count, 3))
+    for k in range(count):
         place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], random)
         if place is None:
             return points[:k]

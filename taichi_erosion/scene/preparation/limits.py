@@ -105,11 +105,11 @@ def adhesion_warnings(scene: Scene, sticking: dict[str, float] | None) -> Iterat
         return
     bond, stress = sticking["bond_number"], sticking["cohesion_over_heap_stress"]
     if bond > BOND_WARNED:
-        told = "a grain carries that many weights; the surface energy is a fitted constant of this grain size"
-        yield f"Bond number {bond:.3g} exceeds {BOND_WARNED:g}: {told}, not a soil property"
+        note = "a grain carries that many weights; the surface energy is a fitted constant of this grain size"
+        yield f"Bond number {bond:.3g} exceeds {BOND_WARNED:g}: {note}, not a soil property"
     if scene.scene.kind in ("repose", "collapse", "lifting") and stress > STRESS_WARNED:
-        told = f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
-        yield f"cohesion is {stress:.3g} of the stress under the heap, {told}"
+        note = f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
+        yield f"cohesion is {stress:.3g} of the stress under the heap, {note}"
 
 
 def outlet_warnings(scene: Scene) -> Iterator[str]:
@@ -120,8 +120,8 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
     largest = size_range(scene.grains)[1]
     for name, wall in sorted(scene.geometry.items()):
         if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
-            told = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
-            yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {told}"
+            reason = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
+            yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {reason}"
 
 
 def inlet_warnings(scene: Scene) -> Iterator[str]:
@@ -210,10 +210,10 @@ def expected_speed(scene: Scene) -> float:
     for stage in scene.stages:
         for name, order in stage.move.items():
             arm = float(abs(wall_bounds(scene, name) - order.centre).max())
-            own = 0.0 if order.force is None else order.fastest
-            own += 0.0 if order.torque is None else order.fastest * arm
+            servo = 0.0 if order.force is None else order.fastest
+            servo += 0.0 if order.torque is None else order.fastest * arm
             for row in order.table or [(0.0, *order.velocity, *order.spin)]:
-                speeds.append(hypot(*row[1:4]) + hypot(*row[4:7]) * arm + own)
+                speeds.append(hypot(*row[1:4]) + hypot(*row[4:7]) * arm + servo)
     return max(speeds)
 
 
@@ -291,9 +291,9 @@ def softening_lines(scene: Scene) -> list[str]:
         if material.softening is not None:
             simulated = material.shear_modulus or material.young_modulus or 1.0
             ratio = material.softening.true_modulus / simulated
-            kept = material.softening.rule.replace("_", " ")
+            quantity = material.softening.rule.replace("_", " ")
             rule = f"(rule '{material.softening.rule}')"
-            lines.append(f"{name}: stiffness divided by {ratio:.3g}, {kept} kept {rule}")
+            lines.append(f"{name}: stiffness divided by {ratio:.3g}, {quantity} kept {rule}")
     return lines
 
 

@@ -34,9 +34,9 @@ Sphere = tuple[Vector, float]
 def table_rows(name: str) -> tuple[SieveRow, ...]:
     """Rows of a shipped sieve table: low [m], high [m], mass."""
     folder = files("taichi_erosion.scene") / "tables"
-    known = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir())
-    if name not in known:
-        raise BadInput(f"grains.size.table = '{name}' is not among the shipped tables: {', '.join(known)}")
+    names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir())
+    if name not in names:
+        raise BadInput(f"grains.size.table = '{name}' is not among the shipped tables: {', '.join(names)}")
     content = (folder / f"{name}.toml").read_text(encoding="utf-8")
     return tuple((float(low), float(high), float(mass)) for low, high, mass in tomllib.loads(content)["rows"])
 
@@ -48,14 +48,14 @@ def sieve_classes(size: Sieve) -> Floats:
     """
     rows = size.rows or table_rows(size.table or "")
     low, high = size.low or 0.0, size.high or np.inf
-    kept = []
+    cut_rows = []
     for a, b, mass in rows:
         cut_a, cut_b = max(a, low), min(b, high)
         if cut_a < cut_b and mass > 0.0:
-            kept.append((cut_a * size.scale, cut_b * size.scale, mass * log(cut_b / cut_a) / log(b / a)))
-    if not kept:
+            cut_rows.append((cut_a * size.scale, cut_b * size.scale, mass * log(cut_b / cut_a) / log(b / a)))
+    if not cut_rows:
         raise BadInput("grains.size: no mass is left between low and high")
-    classes = np.array(kept)
+    classes = np.array(cut_rows)
     classes[:, 2] /= classes[:, 2].sum()
     return classes
 
@@ -167,10 +167,10 @@ def lognormal_cube(size: Lognormal) -> float:
         return size.median**3
     a, b = log(size.low / size.median) / s, log(size.high / size.median) / s
     normal = scipy.special.ndtr
-    kept = normal(b) - normal(a)
-    if kept <= 0.0:
+    share = normal(b) - normal(a)
+    if share <= 0.0:
         return size.median**3
-    return size.median**3 * exp(4.5 * s * s) * float(normal(b - 3.0 * s) - normal(a - 3.0 * s)) / float(kept)
+    return size.median**3 * exp(4.5 * s * s) * float(normal(b - 3.0 * s) - normal(a - 3.0 * s)) / float(share)
 
 
 @dataclass(frozen=True)

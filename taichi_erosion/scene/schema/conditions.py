@@ -109,6 +109,6 @@ class Conditions(Section):
 
     def stated_values(self) -> dict[str, float]:
         """Conditions that have a value, by name; those of [conditions.extra] in SI units."""
-        own = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
+        extra = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
         table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}
-        return {name: float(value) for name, value in table.items() if value is not None} | own
+        return {name: float(value) for name, value in table.items() if value is not None} | extra

@@ -95,10 +95,10 @@ def times(value: Any, factor: float) -> Any:
     return float(value) * factor
 
 
-def unknown_key(key: str, known: Iterable[str], also: str = "") -> PydanticCustomError:
+def unknown_key(key: str, keys: Iterable[str], also: str = "") -> PydanticCustomError:
     """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
-    near = nearest(key, known)
-    hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}{also}"
+    near = nearest(key, keys)
+    hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(keys)}{also}"
     return PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": key})
 
 

@@ -335,10 +335,10 @@ def name_problems(scene: Scene) -> Iterator[str]:
         (kinds, scene.grains.kinds, "[grains.kinds]"),
         (at_ends, stages, "stages"),
     )
-    for names, known, where in groups:
+    for names, allowed, where in groups:
         for path, name in names.items():
-            if name is not None and name not in known:
-                yield f"{path} = '{name}' is not among {where}: {', '.join(known)}"
+            if name is not None and name not in allowed:
+                yield f"{path} = '{name}' is not among {where}: {', '.join(allowed)}"
     for place, name in enumerate(stages):
         if name in stages[:place]:
             yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
@@ -382,8 +382,8 @@ def effect_problems(scene: Scene, library: Known) -> Iterator[str]:
     """Effects and parameters that the library (name -> its entries) does not have."""
     for name, values in scene.effects.items():
         if name not in library:
-            own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-            hint = f"; {own}; known effects: {', '.join(sorted(library)) or 'none'}"
+            remedy = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
+            hint = f"; {remedy}; known effects: {', '.join(sorted(library)) or 'none'}"
             yield f"effects.{name} is unknown{did_you_mean(name, library) or hint}"
             continue
         for key in values:
@@ -392,11 +392,11 @@ def effect_problems(scene: Scene, library: Known) -> Iterator[str]:
                 yield f"effects.{name}.{key} is unknown{near}; allowed: {', '.join(library[name])}"
 
 
-def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:
+def observable_problems(measures: Iterable[str], observables: Collection[str] | None) -> Iterator[str]:
     """Observables that the program cannot measure."""
-    for name in measures if known is not None else ():
-        if name not in (known or ()):
-            yield f"measure.{name} is unknown; known observables: {', '.join(sorted(known or ()))}"
+    for name in measures if observables is not None else ():
+        if name not in (observables or ()):
+            yield f"measure.{name} is unknown; known observables: {', '.join(sorted(observables or ()))}"
 
 
 def measure_problems(scene: Scene) -> Iterator[str]:
@@ -464,8 +464,8 @@ def column_problems(wind: Wind) -> Iterator[str]:
 def stages_with(scene: Scene, *names: str) -> list[str]:
     """Paths of some entries in the stages that state them."""
     stages, unstated = list(enumerate(scene.stages)), (None, {}, False)
-    stated = ((k, name) for name in names for k, stage in stages if getattr(stage, name) not in unstated)
-    return [f"stages.{k}.{name}" for k, name in stated]
+    entries = ((k, name) for name in names for k, stage in stages if getattr(stage, name) not in unstated)
+    return [f"stages.{k}.{name}" for k, name in entries]
 
 
 def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -473,8 +473,8 @@ def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     for place, count in enumerate(wind.columns):
         if count < COLUMNS_LEAST or count % 2:
             yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
-    stated = ["wind.through_flow"] if wind.through_flow else []
-    for path in stated + stages_with(scene, "through_flow"):
+    paths = ["wind.through_flow"] if wind.through_flow else []
+    for path in paths + stages_with(scene, "through_flow"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     for name in OF_ONE_COLUMN:
         if name in scene.measure:

@@ -102,8 +102,8 @@ def parse_unit(text: str) -> Unit:
     if plain in PURE_NUMBERS:
         return PURE
     if len(plain) > LONGEST or not GRAMMAR.fullmatch(plain):
-        told = "put what is divided by into parentheses: kg/(m s)"
-        raise UnknownUnit(text, told if "/" in plain and "(" not in plain else "")
+        remedy = "put what is divided by into parentheses: kg/(m s)"
+        raise UnknownUnit(text, remedy if "/" in plain and "(" not in plain else "")
     unit = PURE
     for place, part in enumerate(SLASH.split(plain)):
         for symbol, power in POWERS.findall(part):
@@ -126,11 +126,11 @@ def named_unit(symbol: str, text: str) -> Unit:
     """Unit of one symbol, with or without a prefix."""
     if symbol in AMBIGUOUS and (len(symbol) > 1 or symbol == text.strip()):
         raise UnknownUnit(text, AMBIGUOUS[symbol])
-    found = dictionary_entry(SIGNS.get(symbol, symbol))
-    if found is None:
+    unit = dictionary_entry(SIGNS.get(symbol, symbol))
+    if unit is None:
         lower = symbol.lower()
         raise UnknownUnit(text, f"did you mean '{lower}'?" if dictionary_entry(lower) is not None else "")
-    return found
+    return unit
 
 
 @cache
@@ -166,9 +166,9 @@ class Scale:
     factor: float = 1.0
     origin: float = 0.0
 
-    def to_use(self, written: float) -> float:
+    def to_use(self, number: float) -> float:
         """Number in the unit of use."""
-        return self.origin + self.factor * written
+        return self.origin + self.factor * number
 
     def to_table(self, used: float) -> float:
         """Number as the table has it."""
