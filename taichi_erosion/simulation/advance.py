@@ -27,15 +27,15 @@ def clocks(sim: Simulation) -> tuple[Integers, Integers, Integers]:
     """Steps done, status, and steps left of the last launch, by replica."""
     replicas = sim.world.replicas
     fields = [replicas.step, replicas.status, replicas.steps_left]
-    step, status, left = (numbers.astype(np.int32) for numbers in download(fields, 0, len(sim.setups)))
-    return step, status, left
+    step, status, remaining = (numbers.astype(np.int32) for numbers in download(fields, 0, len(sim.setups)))
+    return step, status, remaining
 
 
 def steps_until(sim: Simulation, until: Sequence[float], taken: Integers) -> Integers:
     """Whole steps that bring every replica to its time after those `taken`; 0 for those already there."""
     dt = np.array([setup.time_step for setup in sim.setups])
-    wanted = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
-    return np.maximum(wanted - taken, 0).astype(np.int32)
+    total = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
+    return np.maximum(total - taken, 0).astype(np.int32)
 
 
 def advance(sim: Simulation, until: Sequence[float]) -> None:
@@ -53,8 +53,8 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         portion = np.minimum(remaining, launch_steps(sim))
         if sim.coupling.host_driven:
             portion = np.minimum(portion, exchange_when_due(sim, remaining > 0))
-        status, left = launch(sim, portion)
-        remaining = remaining - (portion - left)
+        status, undone = launch(sim, portion)
+        remaining = remaining - (portion - undone)
         if (status == Status.OVERFLOW).any():
             grow_lists(sim)
             status = statuses(sim)
@@ -77,13 +77,13 @@ def launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
         run_steps(sim.world, sim.coupling, sim.buffers, int(steps.max()))
     else:
         run_partitions(sim, steps, size)
-    _, status, left = clocks(sim)
+    _, status, undone = clocks(sim)
     elapsed, used = time.perf_counter() - start, time.process_time() - used
     if sim.launched:
-        sim.pace = float((steps - left).max()) / elapsed
+        sim.pace = float((steps - undone).max()) / elapsed
         note_team(sim, size, elapsed, used)
     sim.launched = True
-    return status, left
+    return status, undone
 
 
 def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:

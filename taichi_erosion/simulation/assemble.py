@@ -132,9 +132,9 @@ def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
     """
     table, largest = setup.contacts, float(setup.grains.radius.max())
     reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
-    own = reach if np.isfinite(reach) else 0.0
+    law_reach = reach if np.isfinite(reach) else 0.0
     longest, free = longest_reaches(setup.effects)
-    return max(own, longest), max(own, longest) - max(own, free)
+    return max(law_reach, longest), max(law_reach, longest) - max(law_reach, free)
 
 
 def is_driven(setups: list[Setup]) -> bool:

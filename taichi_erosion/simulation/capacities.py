@@ -58,8 +58,8 @@ class Capacities:
 def partition_count(setup: Setup) -> int:
     """Partitions of one replica."""
     count = len(setup.grains.radius)
-    wanted = max(count // PARTITION_GRAINS, min(count // PAIR_GRAINS, 2), 1)
-    return min(wanted, PARTITIONS_MOST)
+    partitions = max(count // PARTITION_GRAINS, min(count // PAIR_GRAINS, 2), 1)
+    return min(partitions, PARTITIONS_MOST)
 
 
 def cell_count(grains: int) -> int:

@@ -35,12 +35,12 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     walls = sim.world.walls
     place = surface_index(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin, *motion.table)) or motion.servo is not None
-    moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
+    has_moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
     setup, surface = sim.setups[replica], place % sim.capacities.surfaces
     steady = [replace(motion, velocity=row[1:4], spin=row[4:7]) for row in motion.table] or [motion]
     sweep = max(shape_speed(setup, surface, each) for each in steady)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
-    words = [(walls.moving, [float(moves)]), (walls.moved, [float(moved)]), (walls.sweep, [sweep])]
+    words = [(walls.moving, [float(moves)]), (walls.moved, [float(has_moved)]), (walls.sweep, [sweep])]
     upload([*words, *vectors, *driven_columns(sim, replica, surface, motion)], place)
     make_stale(sim, replica)
 
@@ -50,10 +50,10 @@ def driven_columns(
 ) -> list[tuple[Any, list[Any]]]:
     """Fields of a surface that say by which table and servo it moves, with their values."""
     walls, setup, servo = sim.world.walls, sim.setups[replica], motion.servo
-    lengths, known = [len(table) for table in setup.tables], motion.table in setup.tables
-    first = sum(lengths[: setup.tables.index(motion.table)]) if known else 0
+    lengths, in_use = [len(table) for table in setup.tables], motion.table in setup.tables
+    first = sum(lengths[: setup.tables.index(motion.table)]) if in_use else 0
     begun = download([sim.world.replicas.step], replica, 1)[0][0]
-    columns = [(walls.row, [replica * walls.rows + first]), (walls.row_count, [known * len(motion.table)])]
+    columns = [(walls.row, [replica * walls.rows + first]), (walls.row_count, [in_use * len(motion.table)])]
     columns += [(walls.begun, [begun]), (walls.servo_speed, [0.0])]
     if servo is None:
         return [*columns, (walls.servo, [NO_SERVO])]
@@ -82,9 +82,9 @@ def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
     if kind == PrimitiveKind.PLANE:
         return 0.0 if np.linalg.norm(np.cross(row[3:6], axis)) < AXIS_TOLERANCE else float("inf")
     size = float(np.hypot(max(row[6], row[8]), max(abs(row[7]), abs(row[9]))))
-    own = np.linalg.norm(np.cross(row[3:6], axis)) < AXIS_TOLERANCE
+    is_coaxial = np.linalg.norm(np.cross(row[3:6], axis)) < AXIS_TOLERANCE
     aside = float(np.linalg.norm(np.cross(row[:3] - centre, axis)))
-    return 0.0 if own and aside < AXIS_TOLERANCE * size else aside + size
+    return 0.0 if is_coaxial and aside < AXIS_TOLERANCE * size else aside + size
 
 
 def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:

@@ -166,9 +166,9 @@ def contact_sums(sim: Simulation, first: int, last: int, counts: bool = False) -
     sums = np.zeros(((last - first) * chunks, 8))
     sum_chunks(first, last, chunk, chunks, int(counts), sim.world, contacts, sums)
     by_replica = sums.reshape(last - first, chunks, 8)
-    found = by_replica.sum(axis=1)
-    found[:, [SPEED, OVERLAP]] = by_replica[:, :, [SPEED, OVERLAP]].max(axis=1)
-    return contacts, found
+    values = by_replica.sum(axis=1)
+    values[:, [SPEED, OVERLAP]] = by_replica[:, :, [SPEED, OVERLAP]].max(axis=1)
+    return contacts, values
 
 
 def positions(sim: Simulation, replica: int, first: int, released: int) -> Floats:
@@ -190,8 +190,8 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
-    kept = effect_memory(sim)
-    states = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
+    memory = effect_memory(sim)
+    states = download([numbers for numbers, _ in memory.values()], first, released) if memory else []
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     order = np.argsort(ident, kind="stable")
     materials, kind = np.unique(setup.grains.material, return_inverse=True)
@@ -209,7 +209,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         ident=ident[order].astype(np.int32),
         waiting=waiting_spheres(sim, replica),
         removed=removed_spheres(sim)[replica],
-        effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
+        effect_state={name: values[order] for name, values in zip(memory, states, strict=True)},
         force=(rate / inverse[:, np.newaxis])[order],
         kind=kind[ident[order].astype(int)].astype(np.int32) if several else None,
         kinds=tuple(setup.materials[place] for place in materials) if several else (),

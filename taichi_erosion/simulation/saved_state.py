@@ -86,9 +86,9 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
         entries = download_members(prefix, table, names, block * table.capacity, table.capacity)
         stride = getattr(table, "stride", 1)
         number = (stop - start) // stride
-        kept = entry_places(start, number, stride) - block * table.capacity
+        places = entry_places(start, number, stride) - block * table.capacity
         out[f"{prefix}number"] = number
-        out |= {name: values[kept] for name, values in entries.items()}
+        out |= {name: values[places] for name, values in entries.items()}
     out["wall_wall"] = out["wall_wall"] - r * sim.capacities.primitives
     if world.clumped:
         out |= download_members("body_", world.clumps, BODY, r * bodies, bodies)
@@ -143,10 +143,10 @@ def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: in
 
 def in_room(saved: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
     """Numbers by replica and partition in a field of another size, zero where none is saved."""
-    found = np.zeros(room, saved.dtype)
+    resized = np.zeros(room, saved.dtype)
     rows, columns = np.minimum(saved.shape, room)
-    found[:rows, :columns] = saved[:rows, :columns]
-    return found
+    resized[:rows, :columns] = saved[:rows, :columns]
+    return resized
 
 
 def import_state(sim: Simulation, state: Arrays) -> None:
@@ -195,12 +195,12 @@ def most_partners(state: Arrays, replicas: int) -> int:
 
 def needed_capacity(state: Arrays, prefix: str) -> int:
     """Entries a replica and side with which the fullest partition of all replicas fits its share."""
-    wanted = 0
+    capacity = 0
     for r, partitions in enumerate(state["partitions"].astype(int)):
         joined = np.concatenate([[0], np.cumsum(state[f"replica{r}_{prefix}_number"])]).astype(int)
         bounds = state[f"replica{r}_bounds"][: partitions + 1]
-        wanted = max(wanted, int(partitions * np.diff(joined[bounds]).max()))
-    return wanted
+        capacity = max(capacity, int(partitions * np.diff(joined[bounds]).max()))
+    return capacity
 
 
 def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
@@ -251,10 +251,10 @@ def air_state(sim: Simulation) -> dict[str, Any]:
     air, exchange, on_grid = sim.coupling.air, sim.coupling.exchange, sim.coupling.host_driven
     if air is None:
         return {}
-    found = {f"air_{name}": getattr(air, name) for name in AIR_CELLS + GRID_CELLS * on_grid}
-    found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * on_grid}
+    state = {f"air_{name}": getattr(air, name) for name in AIR_CELLS + GRID_CELLS * on_grid}
+    state |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * on_grid}
     names = EXCHANGE + GRID_EXCHANGE * on_grid
-    return found | {f"exchange_{name}": getattr(exchange, name) for name in names}
+    return state | {f"exchange_{name}": getattr(exchange, name) for name in names}
 
 
 def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:

@@ -21,11 +21,14 @@ def circumstances_of(after: Scene) -> dict[str, float]:
 
     The scene is that after the effects that change it.
     """
-    known = {"grain_diameter": nominal_diameter(after.grains), "adhesion_scale": after.grains.adhesion_scale}
+    derived = {
+        "grain_diameter": nominal_diameter(after.grains),
+        "adhesion_scale": after.grains.adhesion_scale,
+    }
     if after.wind is not None:
-        known["bed_height"] = surface_height(after, after.wind)
-        known["density_ratio"] = after.grain_density / after.wind.density
-    return after.conditions.stated_values() | known
+        derived["bed_height"] = surface_height(after, after.wind)
+        derived["density_ratio"] = after.grain_density / after.wind.density
+    return after.conditions.stated_values() | derived
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:

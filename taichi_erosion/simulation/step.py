@@ -170,16 +170,16 @@ def rebuild(world_out: ti.template(), r, member, size, phase):
 def required_action(world: ti.template(), r):
     """Action before the next step: none, REBUILD or STOP; all members of a team read the same."""
     replicas, source = ti.static((world.replicas, world.source))
-    wanted = replicas.stale[r]
+    action = replicas.stale[r]
     for p in range(replicas.partitions[r]):
-        wanted = ti.max(wanted, replicas.need[r, p])
+        action = ti.max(action, replicas.need[r, p])
     ident = replicas.released[r] + replicas.removed[r]
     if ident < replicas.total[r]:
         if source.release_step[r * world.grains.capacity + ident] <= replicas.step[r]:
-            wanted = ti.max(wanted, REBUILD)
+            action = ti.max(action, REBUILD)
     if replicas.wall_travel[r] > replicas.skin_most[r]:
-        wanted = ti.max(wanted, REBUILD)
-    return wanted
+        action = ti.max(action, REBUILD)
+    return action
 
 
 @ti.func

@@ -75,10 +75,10 @@ def allocate_buffers(capacities: Capacities, workers: int) -> GrainBuffers:
     grain_chunks = -(-grains // grain_chunk)
     blocks, block, lanes = workers, 1, CPU_CHUNK
     if not is_host():
-        wanted, most, lanes = count * capacities.pairs, multiprocessors(), 1
-        fitting = [shape for shape in SHAPES if shape[0] * shape[1] * most >= wanted]
+        threads, most, lanes = count * capacities.pairs, multiprocessors(), 1
+        fitting = [shape for shape in SHAPES if shape[0] * shape[1] * most >= threads]
         block, resident = (fitting or SHAPES[-1:])[0]
-        blocks = min(-(-wanted // block), most * (resident if engine_name() == "taichi" else 1))
+        blocks = min(-(-threads // block), most * (resident if engine_name() == "taichi" else 1))
     table = arrays(CACHE_PADDING, i32="arrivals") | arrays(1, i32="pending listing exchanging running")
     flags = "renewing stepping moving step last lost faulty cells cell_chunk listed walled listed_walls"
     table |= arrays(count, i32=flags)

@@ -203,11 +203,11 @@ def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: 
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         block, stride = entry_block(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
         first, room = block + rank, pairs_out.capacity // stride
-        wanted = search_grain(world_out, r, rank, first, first + room * stride)
+        partners = search_grain(world_out, r, rank, first, first + room * stride)
         pairs_out.start[i] = first
-        pairs_out.stop[i] = first + ti.min(wanted, room) * stride
-        ti.atomic_max(buffers_out.listed[r], ti.min(wanted, room) * stride)
-        ti.atomic_max(replicas_out.short[r, 0], wanted - room)
+        pairs_out.stop[i] = first + ti.min(partners, room) * stride
+        ti.atomic_max(buffers_out.listed[r], ti.min(partners, room) * stride)
+        ti.atomic_max(replicas_out.short[r, 0], partners - room)
         for k in range(entry_number(pairs_out, i)):
             e = first + k * stride
             write_entry(world_out, r, e, rank, pairs_out.neighbour[e])
@@ -245,17 +245,17 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     if is_ready(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         entry = entry_block(entries_out, r, 1 - replicas_out.side[r])
-        wanted = list_grain(world_out, r, rank, 0, 0)
+        count = list_grain(world_out, r, rank, 0, 0)
         limit = entry + entries_out.capacity
-        if wanted > 0:
-            entry += ti.atomic_add(buffers_out.listed_walls[r], wanted)
-            if entry + wanted > limit:
-                ti.atomic_max(replicas_out.wall_short[r, 0], entry + wanted - limit)
+        if count > 0:
+            entry += ti.atomic_add(buffers_out.listed_walls[r], count)
+            if entry + count > limit:
+                ti.atomic_max(replicas_out.wall_short[r, 0], entry + count - limit)
             list_grain(world_out, r, rank, entry, limit)
             place = ti.atomic_add(buffers_out.walled[r], 1)
             buffers_out.walled_rank[r * world_out.grains.capacity + place] = rank
         entries_out.start[i] = entry
-        entries_out.stop[i] = entry + wanted
+        entries_out.stop[i] = entry + count
 
 
 @ti.func
