@@ -124,18 +124,18 @@ def mean_over_time(
 ) -> Callable[[AirMeasureInput], Measurement]:
     """Measure of the mean of one number over the states; `sd` is its standard deviation over them."""
 
-    def measure(given: AirMeasureInput) -> Measurement:
-        values = [number(profile) for profile in given.profiles]
+    def measure(air: AirMeasureInput) -> Measurement:
+        values = [number(profile) for profile in air.profiles]
         sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
         return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
     return measure
 
 
-def friction_velocity_fit(given: AirMeasureInput) -> Measurement:
+def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
     """Friction velocity from the slope of the logarithmic part, as a laboratory reads it [m s-1]."""
     name = "friction_velocity_fit"
-    fits = [fit for profile in given.profiles if (fit := log_fit(profile, given.karman)) is not None]
+    fits = [fit for profile in air.profiles if (fit := log_fit(profile, air.karman)) is not None]
     if not fits:
         return no_measurement(name, "m s-1", f"fewer than {POINTS_LEAST} points in the logarithmic part")
     values = [fit.friction_velocity for fit in fits]

@@ -91,17 +91,17 @@ def sliding_angle(
     name = "sliding_angle"
     if reason := series_defect(frames):
         return no_measurement(name, "deg", reason)
-    moved, first, diameter = [], frames[0], grain_diameter(frames[0])
+    displacements, first, diameter = [], frames[0], grain_diameter(frames[0])
     for frame in frames:
         _, one, two = np.intersect1d(first.ident, frame.ident, return_indices=True)
         shift = np.linalg.norm(frame.position[two] - first.position[one], axis=1)
-        moved.append(float(np.median(shift)) / diameter)
-    beyond = np.flatnonzero(np.asarray(moved) >= share)
+        displacements.append(float(np.median(shift)) / diameter)
+    beyond = np.flatnonzero(np.asarray(displacements) >= share)
     if beyond.size == 0:
         return no_measurement(name, "deg", f"nothing slid up to {degrees(tilts[-1]):.2f} deg")
     k = int(beyond[0])
-    part = (share - moved[k - 1]) / (moved[k] - moved[k - 1])
+    part = (share - displacements[k - 1]) / (displacements[k] - displacements[k - 1])
     angle = tilts[k - 1] + part * (tilts[k] - tilts[k - 1])
     sd = degrees(tilts[k] - tilts[k - 1]) / sqrt(12.0)
-    details = {"displacements": moved, "friction": float(np.tan(angle))}
+    details = {"displacements": displacements, "friction": float(np.tan(angle))}
     return Measurement(name, degrees(angle), sd, "deg", details=details)

@@ -51,9 +51,9 @@ def defect(snapshot: Snapshot) -> str | None:
 def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     """The snapshot of some grains alone, without what no measure of a heap reads."""
     names = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")
-    kept = {name: getattr(snapshot, name)[chosen] for name in names}
+    columns = {name: getattr(snapshot, name)[chosen] for name in names}
     kind = None if snapshot.kind is None else snapshot.kind[chosen]
-    return replace(snapshot, **kept, kind=kind, effect_state={}, force=None)
+    return replace(snapshot, **columns, kind=kind, effect_state={}, force=None)
 
 
 def is_inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:

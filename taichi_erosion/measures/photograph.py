@@ -134,9 +134,9 @@ def steadiness_of(path: Path, calm: Grey, detection: Detection) -> tuple[float, 
     light = float(np.mean(calm[calm > detection.threshold]))
     angles = [detection.angle]
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
-        moved = detection.threshold + side * (light - dark)
+        threshold = detection.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, detection.background, moved).angle)
+            angles.append(detect(path, calm, detection.background, threshold).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
@@ -165,8 +165,8 @@ def deviation(detection: Detection) -> float:
     gaps = []
     for side, flank in zip((-1.0, 1.0), detection.flanks, strict=True):
         if flank is not None:
-            own = side * detection.outline.position >= 0.0
-            distance, outline = np.abs(detection.outline.position[own]), detection.outline.height[own]
+            on_side = side * detection.outline.position >= 0.0
+            distance, outline = np.abs(detection.outline.position[on_side]), detection.outline.height[on_side]
             line = np.clip(flank.at(distance), 0.0, height)
             above = np.maximum(line, outline) > silhouette.FOOT_SHARE * height
             gaps.append(outline[above] - line[above])
@@ -339,14 +339,14 @@ def flatten_light(grey: Grey) -> Grey:
     at = np.nonzero((row < FRAME_ROWS) | (outer & (row < 0.5)))
     at = tuple(index[:: max(1, at[0].size // BORDER_SAMPLES)] for index in at)
     samples = np.column_stack(np.broadcast_arrays(*powers_of(column[0, at[1]], row[at[0], 0])))
-    level, kept = grey[at], np.ones(at[0].size, dtype=bool)
+    level, inliers = grey[at], np.ones(at[0].size, dtype=bool)
     coefficients = np.zeros(samples.shape[1])
     for _ in range(2):
-        coefficients = np.linalg.lstsq(samples[kept], level[kept], rcond=None)[0]
+        coefficients = np.linalg.lstsq(samples[inliers], level[inliers], rcond=None)[0]
         gap = np.abs(level - samples @ coefficients)
-        kept = gap <= 3.0 * max(float(np.median(gap)), 1.0 / GREY_LEVELS)
+        inliers = gap <= 3.0 * max(float(np.median(gap)), 1.0 / GREY_LEVELS)
     light = sum(c * power for c, power in zip(coefficients, powers_of(column, row), strict=True))
-    even = np.clip(grey / np.maximum(light, DARKEST) * float(np.median(level[kept])), 0.0, 1.0)
+    even = np.clip(grey / np.maximum(light, DARKEST) * float(np.median(level[inliers])), 0.0, 1.0)
     return even if otsu_threshold(even)[1] - otsu_threshold(grey)[1] > LIGHT_GAIN else grey
 
 
@@ -381,11 +381,11 @@ def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
     return "dark" if np.median(frame) <= threshold else "light"
 
 
-def raise_flags(found: Detection) -> list[str]:
+def raise_flags(detection: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    flanks, body = found.fitted, found.body
+    flanks, body = detection.fitted, detection.body
     falling = [flank for flank in flanks if flank.angle > 0.0]
-    height = float(found.outline.height.max())
+    height = float(detection.outline.height.max())
     raised = {
         "curved": any(silhouette.is_bent(flank.bend, flank.bend_error) for flank in flanks),
         "one_flank": len(flanks) == 1,

@@ -113,12 +113,12 @@ def write_heaps(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]
     return write_atomic(path, text.getvalue().encode())
 
 
-def column_of(cells: Cells, stated: str | None, words: Sequence[str], option: str) -> int:
+def column_of(cells: Cells, choice: str | None, words: Sequence[str], option: str) -> int:
     """The column that is stated, or the one whose name is among some words. Raises BadInput."""
     names = [read_heading(text).name.casefold() for text in cells.heading]
-    choices = (stated.casefold(),) if stated else words
+    choices = (choice.casefold(),) if choice else words
     pairs = zip(names, cells.heading, strict=True)
-    columns = [k for k, (name, text) in enumerate(pairs) if name in choices or text == stated]
+    columns = [k for k, (name, text) in enumerate(pairs) if name in choices or text == choice]
     if len(columns) != 1:
         raise BadInput(f"{cells.file}: {option} 'HEADING' is needed, one of {', '.join(cells.heading)}")
     return columns[0]

@@ -72,10 +72,10 @@ def pool(repeats: Sequence[Measurement]) -> Measurement:
 def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
     """Shortfalls that at least half of the repeats have, each as the repeat in the middle has it."""
     by_flag: dict[str, list[Shortfall]] = {}
-    for each in (each for repeat in repeats for each in repeat.shortfalls):
-        by_flag.setdefault(each.flag, []).append(each)
+    for lack in (lack for repeat in repeats for lack in repeat.shortfalls):
+        by_flag.setdefault(lack.flag, []).append(lack)
     common = [found for found in by_flag.values() if 2 * len(found) >= len(repeats)]
-    return tuple(sorted(found, key=lambda each: each.found)[(len(found) - 1) // 2] for found in common)
+    return tuple(sorted(found, key=lambda lack: lack.found)[(len(found) - 1) // 2] for found in common)
 
 
 def as_record(measurement: Measurement) -> dict[str, Any]:

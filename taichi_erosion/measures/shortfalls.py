@@ -66,31 +66,31 @@ def two_digits_up(count: float) -> int:
     return ceil(count / unit) * unit
 
 
-def enough_grains(wanted: float, rows: float, grains: int, angle: float) -> int:
-    """Grains for `wanted` rows, more than there are in a heap of `rows` rows.
+def enough_grains(rows_needed: float, rows: float, grains: int, angle: float) -> int:
+    """Grains for `rows_needed` rows, more than there are in a heap of `rows` rows.
 
     Those of a heap of this angle [deg]; where the heap has as many and is flatter, those of its own shape.
     """
-    estimate = grains_for(wanted, angle)
+    estimate = grains_for(rows_needed, angle)
     if estimate > grains:
         return estimate
-    return two_digits_up(grains * (height_for(wanted) / height_for(rows)) ** 3)
+    return two_digits_up(grains * (height_for(rows_needed) / height_for(rows)) ** 3)
 
 
 def heap_shortfalls(
     rows: float, grains: int, poured: bool, angle: float, simulated: float
 ) -> Iterator[Shortfall]:
     """Shortfalls of an angle of repose; `angle` [deg] is the one to be reached, NaN where it is unknown."""
-    wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
+    goal = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
     settled = POURED_ROWS if poured else COLUMN_ROWS  # rows up to which an angle changes with its size
     if rows < LEAST_ROWS:
-        enough = enough_grains(LEAST_ROWS, rows, grains, wanted)
+        enough = enough_grains(LEAST_ROWS, rows, grains, goal)
         have = f"{rows:.1f} of {LEAST_ROWS:g} rows of grains on its flank"
         need = f"use at least {enough:,} grains ({grains:,} now)"
         words = f"the heap is too small for an angle: {have}; {need}"
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:
-        enough = enough_grains(settled, rows, grains, wanted)
+        enough = enough_grains(settled, rows, grains, goal)
         words = (
             f"the angle has not converged: {rows:.1f} rows of grains on its flank, and "
             f"{POURED_TEXT if poured else COLUMN_TEXT}; use at least {enough:,} grains ({grains:,} now)"
@@ -122,8 +122,8 @@ def drift_shortfalls(means: Sequence[float]) -> Iterator[Shortfall]:
     """
     order, series = np.arange(len(means)) - 0.5 * (len(means) - 1), np.asarray(means) - np.mean(means)
     along = (order @ series) ** 2 / (order @ order)  # of the sum of squares, what a line takes
-    left = series @ series - along
-    if along > 0.0 and (t := sqrt((len(means) - 2) * along / max(left, TINY * along))) > DRIFT:
+    residual = series @ series - along
+    if along > 0.0 and (t := sqrt((len(means) - 2) * along / max(residual, TINY * along))) > DRIFT:
         words = "the mean drifts over the window by more than its scatter: a later or longer window"
         yield Shortfall("drift", words, t, DRIFT, False)
 

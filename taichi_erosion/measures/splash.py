@@ -93,22 +93,22 @@ def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: f
     return Flight(ends[0].time, ends[1].time, *speeds)
 
 
-def shares(name: str, found: Splash, number: int) -> Measurement:
+def shares(name: str, record: Splash, number: int) -> Measurement:
     """A number of grains over that of the landings; `sd` is the root of the number, over it [1]."""
-    landings = len(found.impacts)
+    landings = len(record.impacts)
     if landings < LEAST_LANDINGS:
         return no_measurement(name, "1", f"{landings} landings; at least {LEAST_LANDINGS} are needed")
     return Measurement(name, number / landings, sqrt(number) / landings, "1", details={"landings": landings})
 
 
-def rebound_share(found: Splash) -> Measurement:
+def rebound_share(record: Splash) -> Measurement:
     """Share of the landings after which the same grain flies on [1]."""
-    return shares("rebound_share", found, int(np.isfinite(found.bounced[:, 0]).sum()))
+    return shares("rebound_share", record, int(np.isfinite(record.bounced[:, 0]).sum()))
 
 
-def ejecta_share(found: Splash) -> Measurement:
+def ejecta_share(record: Splash) -> Measurement:
     """Grains ejected from the bed over landings [1]."""
-    return shares("ejecta_share", found, found.ejected)
+    return shares("ejecta_share", record, record.ejected)
 
 
 def rebound_speed(splash: Splash) -> Measurement:
@@ -125,12 +125,12 @@ def rebound_speed(splash: Splash) -> Measurement:
         words = f"{count} rebounds of landings above {FAST:g} m/s; {LEAST_LANDINGS} are needed"
         return no_measurement(name, "1", words)
     before, after = splash.impacts[back], splash.bounced[back]
-    speed, left = np.hypot(*before.T), np.hypot(*after.T)
-    ratio = float(left.mean() / speed.mean())
+    speed, rebound = np.hypot(*before.T), np.hypot(*after.T)
+    ratio = float(rebound.mean() / speed.mean())
     details = {
         "impact_speed": hypot(*before.mean(axis=0)),
         "impact_angle": degrees(atan2(*before.mean(axis=0)[::-1])),
         "rebound_angle": degrees(atan2(*after.mean(axis=0)[::-1])),
     }
-    error = float((left - ratio * speed).std(ddof=1) / (speed.mean() * sqrt(count)))
+    error = float((rebound - ratio * speed).std(ddof=1) / (speed.mean() * sqrt(count)))
     return Measurement(name, ratio, error, "1", details=details)

@@ -163,8 +163,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     """
     plain = pool(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
-    held = {key: [r.details[key] for r in repeats if key in r.details] for key in SHARED}
-    shared = {key: float(np.mean(values)) for key, values in held.items() if values}
+    values_of = {key: [r.details[key] for r in repeats if key in r.details] for key in SHARED}
+    shared = {key: float(np.mean(values)) for key, values in values_of.items() if values}
     counts_beds = plain.name in THRESHOLDS or brackets  # other measures lack no beds
     lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
     notes = (*plain.notes, CONVERSION.format(**shared)) if "shared_sd" in shared else plain.notes
@@ -179,8 +179,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     middle, scale, low, high = logistic_law(ends)
     left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket
     spread = hypot(LOGISTIC_SD * scale, float(np.sqrt(left_open.mean())))
-    found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
-    details = plain.details | {"interval": found}
+    interval = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
+    details = plain.details | {"interval": interval}
     return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
 
 
@@ -196,13 +196,13 @@ def logistic_law(ends: Floats) -> tuple[float, float, float, float]:
     """Most likely middle and scale, and the ends of the interval of the middle, in logarithms."""
 
     def best(middle: float) -> tuple[float, float]:
-        likely = log_likelihood(ends, middle, SCALES)
-        k = int(np.argmax(likely))
-        return float(SCALES[k]), float(likely[k])
+        heights = log_likelihood(ends, middle, SCALES)
+        k = int(np.argmax(heights))
+        return float(SCALES[k]), float(heights[k])
 
     start = float(ends.mean())
-    found = scipy.optimize.minimize(lambda m: -best(float(m[0]))[1], [start], method="Nelder-Mead")
-    middle, count = float(found.x[0]), len(ends)
+    optimum = scipy.optimize.minimize(lambda m: -best(float(m[0]))[1], [start], method="Nelder-Mead")
+    middle, count = float(optimum.x[0]), len(ends)
     scale, most = best(middle)
     quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
