@@ -98,5 +98,5 @@ def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> 
         state.airs = [AirProfile(**air) for air in record["airs"]]
         if search := record["search"]:
             trial, brackets = Trial(**search["trial"]), search["found"].items()
-            found = {name: Bracket(**bracket) for name, bracket in brackets}
-            state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": found})
+            brackets_of = {name: Bracket(**bracket) for name, bracket in brackets}
+            state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": brackets_of})

@@ -55,8 +55,8 @@ def with_effects(scene: Scene, files: EffectFiles) -> Scene:
     entries = {name: parameter_names(effect) for name, effect in library.items()}
     if lines := list(effect_problems(scene, entries)) or list(range_problems(scene, library)):
         raise BadInput(*lines)
-    own = {effect_in(file).name: file for file in files}
-    used = {name: own[name] for name in sorted(scene.effects) if name in own}
+    by_name = {effect_in(file).name: file for file in files}
+    used = {name: by_name[name] for name in sorted(scene.effects) if name in by_name}
     scene._effect_files = tuple(used.values())
     digests = {name: file.digest for name, file in used.items()}
     scene._effect_digests = digests | package_digests(scene.effects)
@@ -74,12 +74,12 @@ def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
 
 def setup_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits and warnings of a scene; SI units."""
-    found = explain(scene)
+    report = explain(scene)
     if not scene.effects:
-        return found
+        return report
     library = library_of(scene)
-    told = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
-    return found | {"warnings": [*found["warnings"], *(line for line in told if line)]}
+    warnings = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
+    return report | {"warnings": [*report["warnings"], *(line for line in warnings if line)]}
 
 
 def named_effects(paths: Sequence[Path]) -> EffectFiles:
@@ -112,16 +112,16 @@ def idle_reason(scene: Scene, effect: Any) -> str:
 
     if scene.effects[effect.name].get("strength") == 0.0:
         return ""
-    stated, possible = scene.conditions.stated_values(), can_act(scene, effect)
+    conditions, possible = scene.conditions.stated_values(), can_act(scene, effect)
     if possible and acts(scene, effect):
         return ""
     if effect.place == "instrument":
         return f"it changes the reading of none of {', '.join(scene.measure)}"
-    told = [f"conditions.{name} = {stated[name]:g}" for name in effect.reads if name in stated]
-    told = told or [f"conditions.{name} is not stated" for name in effect.reads]
+    reasons = [f"conditions.{name} = {conditions[name]:g}" for name in effect.reads if name in conditions]
+    reasons = reasons or [f"conditions.{name} is not stated" for name in effect.reads]
     if possible and scene.wind is None:
-        told.append("there is no [wind] section")
-    return ", ".join(told) or "with these numbers it changes nothing"
+        reasons.append("there is no [wind] section")
+    return ", ".join(reasons) or "with these numbers it changes nothing"
 
 
 def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
@@ -130,15 +130,15 @@ def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
 
     library = load_library(dict.fromkeys((*scene_effect_files(scene), *files)))
     read = {name for effect in scene.effects for name in library[effect].reads}
-    stated = {n: value for n, value in scene.conditions.stated_values().items() if value and n not in read}
-    for name, value in stated.items():
+    unread = {n: value for n, value in scene.conditions.stated_values().items() if value and n not in read}
+    for name, value in unread.items():
         readers = [each for each in library.values() if name in each.reads]
         acting = [each for each in readers if would_act(scene, each)]
         names = ", ".join(each.name for each in acting or readers)
-        told = f"; {names} can, but has nothing to act on here" if readers else ", and none of the list"
+        hint = f"; {names} can, but has nothing to act on here" if readers else ", and none of the list"
         if acting:
-            told = f"; {names} can: --set effects.{acting[0].name}.strength=1"
-        yield f"conditions.{name} = {value:g} changes nothing: no effect of this scene reads it{told}"
+            hint = f"; {names} can: --set effects.{acting[0].name}.strength=1"
+        yield f"conditions.{name} = {value:g} changes nothing: no effect of this scene reads it{hint}"
 
 
 def would_act(scene: Scene, effect: Any) -> bool:
@@ -156,8 +156,8 @@ def comparable(path: Path, scene: Scene | AirScene) -> dict[str, Any]:
     """
     file = load_air_scene(path) if isinstance(scene, AirScene) else load_scene(path)
     same = situation(file) == situation(scene)
-    kept = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
-    return {name: measured.model_dump() for name, measured in kept.items()}
+    values = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
+    return {name: measured.model_dump() for name, measured in values.items()}
 
 
 def situation(scene: Scene | AirScene) -> list[Any]:
@@ -213,8 +213,8 @@ def check_scene(
             device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
         limits = setup_report(scene)
         limits["warnings"] += idle_entries(scene, named)
-    found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
-    return found | {"effects": examined}
+    document = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
+    return document | {"effects": examined}
 
 
 def compatibility_key(scene: Scene) -> str:

@@ -196,8 +196,8 @@ def failure_message(failure: Failure, seed: int) -> str:
     """One line: seed, time, the violated check with its numbers, and the likely cause."""
     partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
     finding, cause = FINDINGS[failure.status]
-    told = finding.format(grain=failure.grain, partner=partner, value=failure.value)
-    return f"seed {seed} stopped at {failure.time:.6g} s: {told}; likely cause: {cause}"
+    violation = finding.format(grain=failure.grain, partner=partner, value=failure.value)
+    return f"seed {seed} stopped at {failure.time:.6g} s: {violation}; likely cause: {cause}"
 
 
 def report_progress(report: Report, ensemble: EnsembleRun) -> None:

@@ -79,8 +79,8 @@ class MeasureInput:
     @property
     def plate(self) -> Wall | None:
         """The plate under the heap: as stated, or that of another measure."""
-        stated = (self.request, *self.scene.measure.values())
-        return self.scene.geometry.get(next((each.plate for each in stated if each.plate), ""))
+        requests = (self.request, *self.scene.measure.values())
+        return self.scene.geometry.get(next((each.plate for each in requests if each.plate), ""))
 
     @property
     def axis(self) -> Floats:
@@ -122,8 +122,8 @@ class MeasureInput:
     @cached_property
     def grains_in_tube(self) -> NDArray[np.bool_]:
         """Grains at the end inside a funnel or a lifted tube that ends above the plate."""
-        held = np.zeros(self.end.radius.size, bool)
-        for name, wall in self.scene.geometry.items() if held.size else ():
+        inside = np.zeros(self.end.radius.size, bool)
+        for name, wall in self.scene.geometry.items() if inside.size else ():
             pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
             if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and pose.has_moved):
                 rows = np.array(revolved_rows(wall))
@@ -131,8 +131,8 @@ class MeasureInput:
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
                 if pose.present and lowest > self.base_height + heap.grain_diameter(self.end):
                     as_built = (self.end.position - pose.translation) @ pose.rotation
-                    held |= heap.is_inside(rows, as_built)
-        return held
+                    inside |= heap.is_inside(rows, as_built)
+        return inside
 
     @cached_property
     def heap(self) -> Snapshot:
@@ -165,26 +165,26 @@ def patch_of(scene: Scene) -> wind_bed.Patch:
     return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
-def drum_angle(given: MeasureInput) -> Measurement:
+def drum_angle(state: MeasureInput) -> Measurement:
     """Dynamic angle in the cylinder that the measure names as its plate."""
-    wall = given.scene.geometry.get(given.request.plate or "")
+    wall = state.scene.geometry.get(state.request.plate or "")
     if isinstance(wall, Cylinder):
-        return drum_and_incline.dynamic_angle(given.frames, wall.radius, wall.centre, wall.axis)
-    return drum_and_incline.dynamic_angle(given.frames, inf)
+        return drum_and_incline.dynamic_angle(state.frames, wall.radius, wall.centre, wall.axis)
+    return drum_and_incline.dynamic_angle(state.frames, inf)
 
 
 def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a threshold that the search has bracketed."""
-    return lambda given: threshold.bracket_threshold(name, given.thresholds.get(kind))
+    return lambda state: threshold.bracket_threshold(name, state.thresholds.get(kind))
 
 
 def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of the coarse-grained profile, by the name of its function."""
 
-    def measure(given: MeasureInput) -> Measurement:
-        assert given.profile is not None
+    def measure(state: MeasureInput) -> Measurement:
+        assert state.profile is not None
         try:
-            return getattr(coarse_graining, name)(given.end, given.profile())
+            return getattr(coarse_graining, name)(state.end, state.profile())
         except BadInput as error:
             return no_measurement(name, "1", str(error))
 
@@ -193,7 +193,7 @@ def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
 
 def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
-    return lambda given: wall_loads.at_peak(name, given.wall_load, given.axis, given.area)
+    return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
@@ -257,9 +257,9 @@ def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Itera
         return ()
     height = measurement.details.get("height") or heap.pile_height(state, heap_state.base_height).value
     rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
-    wanted = nan if measured is None else measured.value
+    goal = nan if measured is None else measured.value
     poured = heap_state.scene.fill.law == "pour"
-    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, measurement.value)
+    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, goal, measurement.value)
     return (replace(each, stated=heap_state.request.of_this_size and not each.blocks) for each in lacking)
 
 
@@ -288,9 +288,9 @@ def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfal
     return shortfalls.surface_shortfalls(width / heap.grain_diameter(state.end))
 
 
-def hop_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+def hop_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     """Whether enough hops carry what is measured."""
-    return shortfalls.hop_shortfalls(len(given.landings.impacts)) if given.frames else ()
+    return shortfalls.hop_shortfalls(len(state.landings.impacts)) if state.frames else ()
 
 
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
@@ -311,9 +311,9 @@ def measure(name: str, state: MeasureInput) -> Measurement:
     if state.request.file is not None:
         return own_measure(name, state)
     measurement = OBSERVABLES[name](state)
-    if name in OF_HEAP and (left := int(state.grains_in_tube.sum())) > LEFT_MOST * state.grains_in_tube.size:
-        told = f"{left:,} of {state.grains_in_tube.size:,} grains are still in the funnel or tube"
-        return no_measurement(name, measurement.unit, told)
+    if name in OF_HEAP and (inside := state.grains_in_tube).sum() > LEFT_MOST * inside.size:
+        reason = f"{inside.sum():,} of {inside.size:,} grains are still in the funnel or tube"
+        return no_measurement(name, measurement.unit, reason)
     lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
     if state.window and name in OF_TRANSPORT:
         measurement = replace(measurement, details=measurement.details | state.window.details)

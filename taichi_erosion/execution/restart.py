@@ -54,8 +54,8 @@ def may_change(path: str, scene: Scene, begun: int) -> bool:
         return "table" not in keys and (place > begun or (place < len(scene.stages) and keys[1] in OF_ENDS))
     if section == "measure" and keys[-1] == "every":  # frames of a begun stage have its interval
         names = [stage.name for stage in scene.stages]
-        wanted = scene.measure[keys[0]].stage if keys[0] in scene.measure else None
-        return names.index(wanted or names[-1]) > begun
+        stage_name = scene.measure[keys[0]].stage if keys[0] in scene.measure else None
+        return names.index(stage_name or names[-1]) > begun
     return section in (*FREE, "measure") or path in (WIND, "domain.outside")
 
 

@@ -86,9 +86,9 @@ def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> No
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
     for path in present:
         check_writable(path)
-    own = written_before(record, scene)
+    earlier = written_before(record, scene)
     for path in [] if force else present:
-        if path.name not in own and not is_recording(path):
+        if path.name not in earlier and not is_recording(path):
             raise BadInput(f"{path}: exists, and no run of {scene} wrote it; {REMEDY}")
 
 
@@ -96,11 +96,11 @@ def written_before(record: Path, scene: Path) -> set[str]:
     """Names of the files of an earlier run of a scene, if a document beside the recording tells of one."""
     document = record.with_suffix(".json")
     try:
-        told = json.loads(document.read_text(encoding="utf-8"))
-        is_own = Path(told["scene"]).name == scene.name and "taichi_erosion" in told["versions"]
+        earlier = json.loads(document.read_text(encoding="utf-8"))
+        is_own = Path(earlier["scene"]).name == scene.name and "taichi_erosion" in earlier["versions"]
     except (OSError, ValueError, TypeError, KeyError):
         return set()
-    files = (told.get(kind) for kind in ("recording", "silhouettes", "film"))
+    files = (earlier.get(kind) for kind in ("recording", "silhouettes", "film"))
     return {document.name, *(Path(file).name for file in files if file)} if is_own else set()
 
 
@@ -155,10 +155,10 @@ def run_document(
     **entries: Any,
 ) -> dict[str, Any]:
     """The document of a run; `entries` are those that differ between grains and air alone."""
-    wanted = comparable(path, scene)
-    if len(wanted) < len(scene.measured):
-        told = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
-        entries["limits"]["warnings"].append(told)
+    measured = comparable(path, scene)
+    if len(measured) < len(scene.measured):
+        warning = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
+        entries["limits"]["warnings"].append(warning)
     return {
         "scene": str(path),
         "title": scene.scene.title,
@@ -166,7 +166,7 @@ def run_document(
         "seed": replicas[0]["seed"],
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
-        "measured": wanted,
+        "measured": measured,
         "recording": None,
         **entries,
         "resolved": resolve(scene),

@@ -96,8 +96,8 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     started = time.perf_counter()
     named = named_effects(options.effect_files)
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
-    given = [f"run.{name}={value}" for name, value in words.items() if value is not None]
-    scene = read_scene(path, (*options.overrides, *given), named)
+    numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
+    scene = read_scene(path, (*options.overrides, *numbers), named)
     hashed = scene_hash(scene)
     record = record_of(path, scene, scene.run.seed, options)
     library = library_of(scene)

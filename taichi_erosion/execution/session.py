@@ -269,9 +269,9 @@ def measure_now(session: Session) -> dict[str, Measurement]:
     window = transport_window(scene, state.stage, [state])
     if not state.frames:
         state = replace(state, frames=[simulation.snapshot(session.sim, 0)], tilts=[0.0])
-    given = measure_inputs(session.sim, scene, 0, state, window)
-    found = {name: measure(name, given(name)) for name in scene.measure}
-    return apply_instruments(found, scene, session.library)
+    inputs = measure_inputs(session.sim, scene, 0, state, window)
+    measurements = {name: measure(name, inputs(name)) for name in scene.measure}
+    return apply_instruments(measurements, scene, session.library)
 
 
 def keep(session: Session) -> Kept:
@@ -425,15 +425,15 @@ def log_session_frame(recorder: Recorder, session: Session) -> None:
 
 def status_numbers(session: Session) -> dict[str, float]:
     """Numbers of the status by name, in the units that the names end in."""
-    found = session_status(session).items()
-    return {name: float(value) for name, value in found if not isinstance(value, str)}
+    entries = session_status(session).items()
+    return {name: float(value) for name, value in entries if not isinstance(value, str)}
 
 
 def refuse_unknown_number(session: Session, name: str) -> None:
     """Raise BadInput for a name that is no number of the status and no measure."""
-    known = [*status_numbers(session), *session.scene.measure]
-    if name not in known:
-        raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
+    names = [*status_numbers(session), *session.scene.measure]
+    if name not in names:
+        raise BadInput(f"no number '{name}'{did_you_mean(name, names)}; there are {', '.join(names)}")
 
 
 def watch(session: Session, *names: str) -> None:

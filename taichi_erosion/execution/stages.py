@@ -117,8 +117,8 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
 def friction_velocity_in(scene: Scene, stage: int) -> float:
     """u* of a stage that reaches the patch [m s-1]: as stated in it, or last before it."""
     assert scene.wind is not None
-    stated = [each.friction_velocity for each in scene.stages[: stage + 1]]
-    values = (value for value in (*reversed(stated), scene.wind.friction_velocity) if value is not None)
+    by_stage = [each.friction_velocity for each in scene.stages[: stage + 1]]
+    values = (value for value in (*reversed(by_stage), scene.wind.friction_velocity) if value is not None)
     return scene.wind.partition * next(values)
 
 
@@ -149,8 +149,8 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
 def measured_in(scene: Scene, stage: int) -> list[str]:
     """Observables that are measured at the end of a stage: of their own, or of the last one."""
     names = [stage.name for stage in scene.stages]
-    wanted = {name: request.stage or names[-1] for name, request in scene.measure.items()}
-    return [name for name, stage_name in wanted.items() if names.index(stage_name) == stage]
+    stage_of = {name: request.stage or names[-1] for name, request in scene.measure.items()}
+    return [name for name, stage_name in stage_of.items() if names.index(stage_name) == stage]
 
 
 def stage_is_over(
@@ -195,13 +195,13 @@ def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[i
     names = measured_in(scene, stage)
     window = transport_window(scene, stage, list(replicas.values())) if names else None
     for replica, state in replicas.items() if names else ():
-        given = measure_inputs(sim, scene, replica, state, window)
+        inputs = measure_inputs(sim, scene, replica, state, window)
         for name in names:
-            state.measurements[name] = found = measure(name, each := given(name))
-            if isnan(found.value):
-                state.warn(f"{name} has no value: {'; '.join(found.notes)}")
-            elif each.fallen_words in found.notes:
-                state.warn(each.fallen_words)
+            state.measurements[name] = measurement = measure(name, data := inputs(name))
+            if isnan(measurement.value):
+                state.warn(f"{name} has no value: {'; '.join(measurement.notes)}")
+            elif data.fallen_words in measurement.notes:
+                state.warn(data.fallen_words)
 
 
 def measure_inputs(
@@ -210,12 +210,23 @@ def measure_inputs(
     """Input of each measure of one replica, by name: its present state and the frames of its stage."""
     end = simulation.snapshot(sim, replica)
     air = simulation.air_profile(sim, replica) if scene.wind is not None else None
-    thresholds = {} if state.search is None else state.search.found
-    profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
-    loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
-    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
-    own = *kept, profile, period, window, loads, poses, partial(simulation.contact_network, sim, replica)
-    return lambda name: MeasureInput(scene, scene.measure[name], *own)
+    of_any_measure = partial(
+        MeasureInput,
+        scene,
+        end=end,
+        frames=tuple(state.frames),
+        tilts=tuple(state.tilts),
+        air=air,
+        airs=tuple(state.airs),
+        thresholds={} if state.search is None else state.search.found,
+        profile=partial(fields_now, sim, replica),
+        period=sim.setups[replica].period,
+        window=window,
+        loads=tuple(state.loads),
+        poses=simulation.wall_poses(sim, replica),
+        network=partial(simulation.contact_network, sim, replica),
+    )
+    return lambda name: of_any_measure(scene.measure[name])
 
 
 def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:

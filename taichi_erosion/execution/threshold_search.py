@@ -121,11 +121,11 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
         spin_up_wind(sim, replica, search.trial.friction_velocity)
     # neither an effect nor an eddy changes the wind over grains at rest
     steady = not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
-    moved = trial_outcome(search, time, steady)
-    if moved is None:
+    outcome = trial_outcome(search, time, steady)
+    if outcome is None:
         return False
     old = search.trial
-    wind = NEXT_WIND[search.phase](search, moved)
+    wind = NEXT_WIND[search.phase](search, outcome)
     if wind is None:
         return True
     from_rest = search.phase in FROM_REST
@@ -142,9 +142,9 @@ def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
     """Update which grains have rolled or risen, the largest motion and the flux."""
     trial = search.trial
     far = search.scene.threshold.distance * search.diameter
-    moved = periodic_displacement(state.position, trial.start, search.period)
-    trial.rolled = trial.rolled | (np.hypot(moved[:, 0], moved[:, 1]) > far)
-    trial.risen = trial.risen | (moved[:, 2] > far)
+    shift = periodic_displacement(state.position, trial.start, search.period)
+    trial.rolled = trial.rolled | (np.hypot(shift[:, 0], shift[:, 1]) > far)
+    trial.risen = trial.risen | (shift[:, 2] > far)
     step = periodic_displacement(state.position, trial.last, search.period)
     trial.largest_motion = float(np.abs(step).max())
     trial.last = state.position
@@ -153,9 +153,9 @@ def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
 
 def periodic_displacement(after: Floats, before: Floats, period: Floats) -> Floats:
     """Displacement to the nearest periodic image, [n, 3] m."""
-    moved = after - before
-    moved[:, :2] -= period * np.round(moved[:, :2] / period)
-    return moved
+    shift = after - before
+    shift[:, :2] -= period * np.round(shift[:, :2] / period)
+    return shift
 
 
 def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | None:
@@ -174,7 +174,7 @@ def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | 
     return True if over else None
 
 
-def after_ramp(search: ThresholdSearch, moved: bool) -> float:
+def after_ramp(search: ThresholdSearch, in_motion: bool) -> float:
     """A stronger wind; once grains roll the same one from rest, once they leave the bed a weaker one.
 
     Beds are moved from rest by about the wind in which their grains begin to roll: a ramp that goes on until
@@ -182,17 +182,17 @@ def after_ramp(search: ThresholdSearch, moved: bool) -> float:
     """
     now, factor = search.trial.friction_velocity, 1.0 + search.scene.threshold.rise
     rolled = np.count_nonzero(search.trial.rolled) >= search.grains_needed
-    if not (rolled or moved):
+    if not (rolled or in_motion):
         return now * factor
     search.found["rolling_onset"] = Bracket(now / factor, now)
     search.phase = "hold"
-    return now / factor if moved else now
+    return now / factor if in_motion else now
 
 
-def after_hold(search: ThresholdSearch, moved: bool) -> float | None:
+def after_hold(search: ThresholdSearch, in_motion: bool) -> float | None:
     """Next wind from rest: between the weakest that moved the bed and the strongest that did not."""
     settings, now = search.scene.threshold, search.trial.friction_velocity
-    if moved:
+    if in_motion:
         search.high = now
     else:
         search.low = now
@@ -210,7 +210,7 @@ def after_hold(search: ThresholdSearch, moved: bool) -> float | None:
     return settings.excess * bracket.middle
 
 
-def after_start(search: ThresholdSearch, moved: bool) -> float | None:
+def after_start(search: ThresholdSearch, in_motion: bool) -> float | None:
     """First wind of the fall; the flux of developed transport is stored."""
     search.flux_at_start = search.trial.late_flux
     search.blown.append((search.trial.friction_velocity, search.flux_at_start))
@@ -220,11 +220,11 @@ def after_start(search: ThresholdSearch, moved: bool) -> float | None:
     return search.trial.friction_velocity * (1.0 - search.scene.threshold.fall)
 
 
-def after_fall(search: ThresholdSearch, moved: bool) -> float | None:
+def after_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
     """A weaker wind while transport goes on; at its end the impact threshold."""
     now, factor = search.trial.friction_velocity, 1.0 - search.scene.threshold.fall
     search.blown.append((now, search.trial.late_flux))
-    if moved:
+    if in_motion:
         return now * factor
     search.found["impact_threshold"] = Bracket(now, now / factor)
     if (line := flux_intercept(search.blown)) is not None:
