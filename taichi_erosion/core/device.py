@@ -162,8 +162,8 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
             offline_cache_max_size_of_files=CACHE_BYTES,
             **OPTIONS,
         )
-    wanted = {ti.x64, ti.arm64} if numerics.arch == "cpu" else {getattr(ti, numerics.arch)}
-    if impl.current_cfg().arch not in wanted:  # Taichi took another device
+    archs = {ti.x64, ti.arm64} if numerics.arch == "cpu" else {getattr(ti, numerics.arch)}
+    if impl.current_cfg().arch not in archs:  # Taichi took another device
         raise BadInput(f"--arch {numerics.arch}: no such device on this machine; use --arch cpu")
     return threads
 

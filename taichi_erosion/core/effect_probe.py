@@ -149,12 +149,12 @@ def evaluate_grain(
         grain.drag_factor = 1.0
         bare = grain.drag(grain.air_velocity - grain.velocity)
         grain.drag_factor = total_drag_factor(effects, 0, grain)
-        added = (grain.drag_factor - 1.0) * bare
+        drag = (grain.drag_factor - 1.0) * bare
         if ti.static(effects.any_gust):
-            added += add_gusts(effects, 0, grain)
+            drag += add_gusts(effects, 0, grain)
         force, torque = total_grain_force(effects, 0, grain, PLACE_I)
         if ti.static(effects.any_drag or effects.any_gust):
-            force += added
+            force += drag
         force_out[i], torque_out[i] = force, torque
 
 

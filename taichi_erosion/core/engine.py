@@ -35,13 +35,13 @@ READERS = {  # engine -> its module that reads sources of device functions, and 
 @cache
 def engine_name() -> str:
     """Name of the engine of this process. Raises BadInput where it is unknown or not installed."""
-    wanted = os.environ.get(SWITCH)
-    if wanted and wanted not in ENGINES:
-        raise BadInput(f"{SWITCH} = {wanted}: the engines are {' and '.join(ENGINES)}")
-    for name in [wanted] if wanted else ENGINES:
+    choice = os.environ.get(SWITCH)
+    if choice and choice not in ENGINES:
+        raise BadInput(f"{SWITCH} = {choice}: the engines are {' and '.join(ENGINES)}")
+    for name in [choice] if choice else ENGINES:
         if find_spec(name) is not None:
             return name
-    raise BadInput(f"the engine {wanted or ENGINES[0]} is not installed: pip install {wanted or ENGINES[0]}")
+    raise BadInput(f"the engine {choice or ENGINES[0]} is not installed: pip install {choice or ENGINES[0]}")
 
 
 def engine_version() -> str:
