@@ -113,8 +113,8 @@ def skin(replicas: ti.template(), r, radius, speed):
 def wants_more_than_cells(world: ti.template(), r, i):
     """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
     radius = world.grains.radius[i]
-    wanted = wanted_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
-    return ti.cast(radius + wanted > world.replicas.cell_reach[r], ti.i32)
+    width = wanted_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
+    return ti.cast(radius + width > world.replicas.cell_reach[r], ti.i32)
 
 
 @ti.func

@@ -104,32 +104,32 @@ def cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
     if piece == 1:
         left = ti.select(place[0] == 0, number[0] - 1, 0)
         right = left
-    wanted = piece == 0 or (periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1))
+    exists = piece == 0 or (periodic[0] == 1 and ((place[0] == 0 and row > 0) or place[0] == number[0] - 1))
     first = 0
     last = 0
-    if wanted and 0 <= y < number[1] and z < number[2]:
+    if exists and 0 <= y < number[1] and z < number[2]:
         first = cell_start(cells, r, cell_index(number, (left, y, z)))
         last = cell_start(cells, r, cell_index(number, (right, y, z)) + 1)
     return first, last
 
 
 @ti.func
-def list_partner(world_out: ti.template(), entry, limit, wanted, touching, j, state):
-    """Write partner j behind the `wanted` ones, `touching` first, and return both numbers.
+def list_partner(world_out: ti.template(), entry, limit, partners, touching, j, state):
+    """Write partner j behind the `partners` written, `touching` first, and return both numbers.
 
     Nothing is written from `limit` on; a number beyond it makes the host grow the list.
     """
     (pairs_out,) = ti.static((world_out.pairs,))
     if state > 0:
-        if entry + wanted * pairs_out.stride < limit:
-            slot = entry + wanted * pairs_out.stride
+        if entry + partners * pairs_out.stride < limit:
+            slot = entry + partners * pairs_out.stride
             if state == 2:
                 pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching * pairs_out.stride]
                 slot = entry + touching * pairs_out.stride
                 touching += 1
             pairs_out.neighbour[slot] = j
-        wanted += 1
-    return wanted, touching
+        partners += 1
+    return partners, touching
 
 
 @ti.func
@@ -141,7 +141,7 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
     period = world_out.replicas.period[r]
     periodic = to_axis_order(cells, r, ti.cast(period > 0.0, ti.i32))
     number = to_axis_order(cells, r, cells.number[r])
-    wanted, touching = 0, 0
+    partners, touching = 0, 0
     for run in range(2 * ROWS):
         first, last = cell_run(cells, number, periodic, r, place, run // 2, run % 2)
         if run == 0:
@@ -151,8 +151,8 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
             if state > 0:
                 if is_wide(world_out, r, base + j):
                     state = 0
-                wanted, touching = list_partner(world_out, entry, limit, wanted, touching, j, state)
-    return wanted
+                partners, touching = list_partner(world_out, entry, limit, partners, touching, j, state)
+    return partners
 
 
 @ti.func
@@ -161,26 +161,26 @@ def search_all(world_out: ti.template(), r, rank, entry, limit):
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, 1 - replicas.side[r])
     period = replicas.period[r]
-    wanted, touching = 0, 0
+    partners, touching = 0, 0
     for j in range(replicas.released[r]):
         state = proximity(world_out, r, base + rank, base + j, period)
         if state > 0:
             if j == rank or (j < rank and is_wide(world_out, r, base + j)):
                 state = 0
-            wanted, touching = list_partner(world_out, entry, limit, wanted, touching, j, state)
-    return wanted
+            partners, touching = list_partner(world_out, entry, limit, partners, touching, j, state)
+    return partners
 
 
 @ti.func
 def search_grain(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of one grain from `entry` on; returns the number of entries needed."""
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
-    wanted = 0
+    partners = 0
     if is_wide(world_out, r, base + rank):
-        wanted = search_all(world_out, r, rank, entry, limit)
+        partners = search_all(world_out, r, rank, entry, limit)
     else:
-        wanted = search_cells(world_out, r, rank, entry, limit)
-    return wanted
+        partners = search_cells(world_out, r, rank, entry, limit)
+    return partners
 
 
 @ti.func
@@ -342,9 +342,9 @@ def list_partition(world_out: ti.template(), r, p):
     before, behind = ti.Vector([first, 0]), ti.Vector([replicas_out.released[r], 0])
     short = 0
     for rank in range(first, last):
-        wanted = search_grain(world_out, r, rank, entry, limit)
-        listed = ti.min(wanted, limit - entry)
-        short += wanted - listed
+        partners = search_grain(world_out, r, rank, entry, limit)
+        listed = ti.min(partners, limit - entry)
+        short += partners - listed
         pairs_out.start[base + rank] = entry
         pairs_out.stop[base + rank] = entry + listed
         for e in range(entry, entry + listed):

@@ -362,18 +362,18 @@ def list_grain(world_out: ti.template(), r, rank, entry, limit):
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
     i = side_block(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
     clear = (1.0 - ROUNDING) * ti.sqrt(world_out.grains.skin_squared[i])
-    wanted = 0
+    count = 0
     for k in range(walls.primitives):
         w = r * walls.primitives + k
         gap = wall_gap(world_out, r, i, w)
         if gap < wall_skin(world_out, r, i, w):
-            if entry + wanted < limit:
-                write_wall_entry(world_out, r, entry + wanted, rank, w)
+            if entry + count < limit:
+                write_wall_entry(world_out, r, entry + count, rank, w)
                 spare = gap - ROUNDING * world_out.grains.radius[i]
-                clear = ti.min(clear, wall_clearance(world_out, entry + wanted, spare))
-            wanted += 1
+                clear = ti.min(clear, wall_clearance(world_out, entry + count, spare))
+            count += 1
     entries_out.clearance_squared[i] = clear * clear
-    return wanted
+    return count
 
 
 @ti.func
@@ -387,9 +387,9 @@ def list_walls(world_out: ti.template(), r, p):
     limit = entry + entries_out.capacity // replicas_out.partitions[r]
     short = 0
     for rank in range(first, partition_first(replicas_out, r, p + 1)):
-        wanted = list_grain(world_out, r, rank, entry, limit)
-        listed = ti.min(wanted, limit - entry)
-        short += wanted - listed
+        count = list_grain(world_out, r, rank, entry, limit)
+        listed = ti.min(count, limit - entry)
+        short += count - listed
         entries_out.start[base + rank] = entry
         entry += listed
         entries_out.stop[base + rank] = entry

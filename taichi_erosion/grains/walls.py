@@ -256,8 +256,8 @@ def control(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
             stiffness += walls_out.stiffness[place]
             walls_out.push[place], walls_out.stiffness[place] = 0.0, 0.0
         fastest = walls_out.fastest[s]
-        wanted = GAIN * (walls_out.target[s] + push) / ti.max(stiffness * dt, LENGTH_LEAST)
-        speed = ti.math.clamp(wanted, -fastest, fastest)
+        target = GAIN * (walls_out.target[s] + push) / ti.max(stiffness * dt, LENGTH_LEAST)
+        speed = ti.math.clamp(target, -fastest, fastest)
         if stiffness == 0.0:  # without a contact it gathers speed from rest, so that it does not hammer
             towards = ti.select(speed > 0.0, 1.0, -1.0)
             before = ti.max(towards * walls_out.servo_speed[s], 0.0)
