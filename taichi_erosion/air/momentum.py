@@ -47,10 +47,10 @@ def face_mean(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.te
 @ti.func
 def index_below(air: ti.template(), index, axis: ti.template()):
     """Index along x or y of what lies one below the ghosts: round the period, or the ghost."""
-    found = ti.max(index, -1)
+    below = ti.max(index, -1)
     if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
-        found = ti.select(index < -1, index + air.cells[axis], index)
-    return found
+        below = ti.select(index < -1, index + air.cells[axis], index)
+    return below
 
 
 @ti.func
@@ -122,11 +122,11 @@ def control_volume_flux(air: ti.template(), r, at, axis: ti.template(), directio
 def index_two_beyond(air: ti.template(), index, axis: ti.template()):
     """Index along an axis of a value two beyond a side: round the period, or the last ghost."""
     n = ti.static(air.cells[axis])
-    found = ti.min(ti.max(index, -1), n)
+    place = ti.min(ti.max(index, -1), n)
     if ti.static(axis < 2):
         if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
-            found = (index + 2 * n) % n
-    return found
+            place = (index + 2 * n) % n
+    return place
 
 
 @ti.func
@@ -341,12 +341,12 @@ def first_solved_face(air: ti.template(), axis: ti.template()):
 @ti.func
 def is_solved(air: ti.template(), i, j, axis: ti.template()):
     """Whether the velocities along an axis in a column of cells are unknowns, not given by a side."""
-    given = False
+    by_side = False
     if ti.static(axis == 0):
-        given = i < first_solved_face(air, 0)
+        by_side = i < first_solved_face(air, 0)
     elif ti.static(axis == 1):
-        given = j < first_solved_face(air, 1)
-    return not given
+        by_side = j < first_solved_face(air, 1)
+    return not by_side
 
 
 @ti.func

@@ -55,8 +55,8 @@ def set_direction(air_out: ti.template(), r, i, j):
     (krylov_out,) = ti.static((air_out.krylov,))
     c = i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        kept = krylov_out.direction_weight[r] * krylov_out.direction[r, c, k]
-        krylov_out.direction[r, c, k] = air_out.levels.solution[r, c, k] + kept
+        share = krylov_out.direction_weight[r] * krylov_out.direction[r, c, k]
+        krylov_out.direction[r, c, k] = air_out.levels.solution[r, c, k] + share
 
 
 @ti.func
@@ -78,8 +78,8 @@ def update_solution(air_out: ti.template(), r, i, j):
     (krylov_out,) = ti.static((air_out.krylov,))
     worst, length, c = real(0.0), krylov_out.step_length[r], i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        moved = length * krylov_out.direction[r, c, k]
-        krylov_out.psi[r, c, k] = krylov_out.psi[r, c, k] + moved
+        step = length * krylov_out.direction[r, c, k]
+        krylov_out.psi[r, c, k] = krylov_out.psi[r, c, k] + step
         residual = air_out.levels.right_side[r, c, k] - length * krylov_out.laplacian[r, c, k]
         air_out.levels.right_side[r, c, k] = residual
         worst = ti.max(worst, relative_divergence(air_out, r, k, residual))

@@ -212,8 +212,8 @@ def set_residual(levels_out: ti.template(), level, r, i, j):
     """Residual of one line."""
     c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     for k in range(levels_out.right_side.shape[2]):
-        left = negative_laplacian(levels_out, levels_out.solution, r, c, beside, k)
-        levels_out.residual[r, c, k] = levels_out.right_side[r, c, k] - left
+        operator = negative_laplacian(levels_out, levels_out.solution, r, c, beside, k)
+        levels_out.residual[r, c, k] = levels_out.right_side[r, c, k] - operator
 
 
 @ti.func
@@ -277,12 +277,12 @@ def prolong_line(levels_out: ti.template(), level, r, i, j):
     east = second_parent(i, fine_x // by_x, by_x, levels_out.periodic_x)
     north = second_parent(j, fine_y // by_y, by_y, levels_out.periodic_y)
     west, south = i // by_x, j // by_y
-    own = column_of(levels_out, level + 1, west, south)
+    column = column_of(levels_out, level + 1, west, south)
     beside = column_of(levels_out, level + 1, east, south)
     ahead = column_of(levels_out, level + 1, west, north)
     corner = column_of(levels_out, level + 1, east, north)
     for k in range(levels_out.right_side.shape[2]):
-        near = 0.75 * levels_out.solution[r, own, k] + 0.25 * levels_out.solution[r, beside, k]
+        near = 0.75 * levels_out.solution[r, column, k] + 0.25 * levels_out.solution[r, beside, k]
         far = 0.75 * levels_out.solution[r, ahead, k] + 0.25 * levels_out.solution[r, corner, k]
         levels_out.solution[r, c, k] = levels_out.solution[r, c, k] + 0.75 * near + 0.25 * far
 
