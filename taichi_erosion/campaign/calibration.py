@@ -69,7 +69,7 @@ def calibrate(
 ) -> Calibration:
     """Carry a study out up to a step. Raises BadInput for what cannot be done; what was run is kept.
 
-    `stated` are entries of the study's [campaign], in place of those of its file. `force` replaces files in
+    `overrides` are entries of its [campaign], in place of those of its file. `force` replaces files in
     the study's folder that no calibration wrote, or that were changed since.
     """
     started = time.perf_counter()
@@ -155,10 +155,8 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
     values = calculate.complete_settings(calibration.file, design.settings(0)).items()
     rounded = {path: float(f"{value:.{DIGITS}g}") for path, value in values}
     overrides = calculate.changes_of(calibration.file, rounded)
-    written = [
-        write_calibrated_scene(calibration.file, scene, overrides) for scene in calibration.file.scenes
-    ]
-    document["calibrated_scenes"] = [str(path) for path in written]
+    paths = [write_calibrated_scene(calibration.file, scene, overrides) for scene in calibration.file.scenes]
+    document["calibrated_scenes"] = [str(path) for path in paths]
 
 
 def write_design(calibration: Calibration, name: str, design: Design) -> Path:
@@ -241,17 +239,17 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
     """
     import tomlkit
 
-    wanted = read_scene(scene, tuple(overrides))
+    after = read_scene(scene, tuple(overrides))
     lines = file_text(scene, str(scene)).splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
     try:
         for override in overrides:
             path, _, value = override.partition("=")
             text = with_entry(text, path.strip().split("."), parse_value(value.strip()))
-        is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(wanted)
+        is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(after)
     except BadInput:
         is_same = False
-    body = without_mark(text if is_same else tomlkit.dumps(resolve(wanted)))
+    body = without_mark(text if is_same else tomlkit.dumps(resolve(after)))
     last = "with the numbers that its last step confirmed"
     head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
     path = calibrated_path(file, scene)

@@ -55,9 +55,9 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     return fellows[: max(min(max(share, least), most, first.most), 1)]
 
 
-def pace(wanted: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
+def pace(requests: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
     """Seconds of one worker per unit of work, of runs that ended; without any as fast as usual."""
-    work, spent = sum(wanted[key].work for key in ended), sum(ended.values())
+    work, spent = sum(requests[key].work for key in ended), sum(ended.values())
     return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
 
 
@@ -89,20 +89,20 @@ def execute(
     processor), or the Dask cluster at the address `scheduler`. Failed runs are results with a reason. Raises
     BadInput where the ledger, the scheduler or the device cannot be used.
     """
-    wanted = {request.key: request for request in requests}
-    ledgers.add_requests(ledger, list(wanted.values()))
+    by_key = {request.key: request for request in requests}
+    ledgers.add_requests(ledger, list(by_key.values()))
     ledgers.release_stale_leases(ledger)
-    if remaining := unfinished_runs(ledger, list(wanted)):
-        archs: set[Arch] = {wanted[key].arch for key in remaining if wanted[key].arch != "cpu"}
+    if remaining := unfinished_runs(ledger, list(by_key)):
+        archs: set[Arch] = {by_key[key].arch for key in remaining if by_key[key].arch != "cpu"}
         if scheduler:
             pool = join_cluster(function, ledger.folder, scheduler)
         else:
             refuse_missing_devices(archs)
             count = 1 if archs else min(len(remaining), workers or usable_cores())
             pool = start_pool(function, ledger.folder, count)
-        campaign = Campaign(wanted, ledger, pool, progress, sum(wanted[key].work for key in remaining))
+        campaign = Campaign(by_key, ledger, pool, progress, sum(by_key[key].work for key in remaining))
         try:
-            while remaining := unfinished_runs(ledger, list(wanted)):  # here or at another parent
+            while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
                 submit_batches(campaign, remaining)
                 for ended in pool.finished_batches(POLL):
                     enter_batch(campaign, ended)
@@ -153,13 +153,13 @@ def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:
     """Report how many runs have ended, and the share of the work that is done."""
     if campaign.progress is None:
         return
-    wanted = campaign.requests
+    requests = campaign.requests
     now = time.monotonic()
     rest = 0.0
-    second = pace(wanted, finished_runs(campaign.ledger, list(wanted)))
+    second = pace(requests, finished_runs(campaign.ledger, list(requests)))
     for key in remaining:
         start, whole = campaign.begun.get(key, (now, 0.0))
         by_time = min((now - start) / (START + second * whole), NEARLY)
-        rest += wanted[key].work * (1.0 - by_time)
+        rest += requests[key].work * (1.0 - by_time)
     campaign.reported = max(campaign.reported, 1.0 - rest / campaign.work)
-    campaign.progress(campaign.reported, f"{len(wanted) - len(remaining)} of {len(wanted)} runs")
+    campaign.progress(campaign.reported, f"{len(requests) - len(remaining)} of {len(requests)} runs")
