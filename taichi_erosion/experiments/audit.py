@@ -196,14 +196,14 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
             yield Finding("unbalanced", sentence, column=factor.path, found=float(high - low))
     yield from not_orthogonal(table)
     count = len(structure.cells)
-    for each in structure.cells:
-        factor = table.factors[each.column]
-        printed = f"{table.levels[each.row, each.column]:g}"
-        level = factor.centre + factor.half * each.level
+    for cell in structure.cells:
+        factor = table.factors[cell.column]
+        printed = f"{table.levels[cell.row, cell.column]:g}"
+        level = factor.centre + factor.half * cell.level
         only = "it is the only such cell" if count == 1 else f"one of {count} such cells"
-        sentence = f"row {each.row + 1}, {factor.path} is printed {printed}; "
+        sentence = f"row {cell.row + 1}, {factor.path} is printed {printed}; "
         sentence += f"{level:g} makes the design balanced and orthogonal, and {only}"
-        yield Finding("cell", sentence, "", factor.path, each.row + 1, printed, level)
+        yield Finding("cell", sentence, "", factor.path, cell.row + 1, printed, level)
 
 
 def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
@@ -303,8 +303,8 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
 
     Factors may also be named by their places, A, B ... or x1, x2 ..., where no heading is such a name.
     """
-    wanted, factor_names = short_names(text), [short_names(name) for name in names]
-    if wanted[0] in ("1", "intercept", "constant"):
+    printed, factor_names = short_names(text), [short_names(name) for name in names]
+    if printed[0] in ("1", "intercept", "constant"):
         return (0,) * len(names)
     used_names = {each for words in factor_names for each in words}
     for k, letters in enumerate(factor_names):
@@ -315,7 +315,7 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
             for own, power in zip(factor_names, term, strict=True)
             if power
         ]
-        if any("".join(form) in wanted for order in permutations(forms) for form in product(*order)):
+        if any("".join(form) in printed for order in permutations(forms) for form in product(*order)):
             return term
     raise BadInput(f"term '{text}': must be a product of {', '.join(names)}, such as {names[0]}^2")
 

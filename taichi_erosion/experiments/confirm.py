@@ -54,7 +54,7 @@ class Confirmation:
     detectable: float  # difference noticed with a power of 0.8
 
 
-def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
+def confirm(values: Sequence[float], target: Sample | float) -> Confirmation:
     """Welch's test of fresh runs against a number or a measurement.
 
     The difference that would matter is the standard deviation of a single measurement, or of a run where that
@@ -65,7 +65,7 @@ def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
     if len(finite) < 2:
         raise BadInput(f"confirm: {len(finite)} run(s) with a result; needs at least 2")
     runs = Sample(float(finite.mean()), float(finite.std(ddof=1)), len(finite))
-    goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
+    goal = target if isinstance(target, Sample) else Sample(float(target))
     matter = goal.sd or runs.sd
     difference = runs.mean - goal.mean
     first, second = runs.sd**2 / runs.n, goal.sd**2 / goal.n

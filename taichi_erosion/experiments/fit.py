@@ -170,15 +170,15 @@ class Fit:
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:
     """Fit a model to one response; raises BadInput where the runs do not determine it."""
-    wanted = model_terms(len(design.factors), terms) if isinstance(terms, str) else tuple(terms)
+    chosen = model_terms(len(design.factors), terms) if isinstance(terms, str) else tuple(terms)
     values = design.responses[response]
     rows = np.flatnonzero(np.isfinite(values))
-    fit = Fit(response, design.factors, wanted, design.coded[rows], values[rows], rows)
-    rank = np.linalg.matrix_rank(model_matrix(fit.coded, wanted)) if len(rows) else 0
-    if rank < 1 + len(wanted):
+    fit = Fit(response, design.factors, chosen, design.coded[rows], values[rows], rows)
+    rank = np.linalg.matrix_rank(model_matrix(fit.coded, chosen)) if len(rows) else 0
+    if rank < 1 + len(chosen):
         raise BadInput(
             f"{design.name}, {response}: {len(rows)} runs with a result tell {rank} coefficients apart, the "
-            f"model has {1 + len(wanted)}"
+            f"model has {1 + len(chosen)}"
         )
     return fit
 

@@ -181,8 +181,8 @@ def shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: 
 
 def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Objective to minimise, [points]: 1 - D inside all limits, 1 and the excess over them outside."""
-    each = shares(fits, goals, coded, softness)
-    return 1.0 - desirability(each) + np.sum(np.maximum(-each, 0.0), axis=1)
+    desirabilities = shares(fits, goals, coded, softness)
+    return 1.0 - desirability(desirabilities) + np.sum(np.maximum(-desirabilities, 0.0), axis=1)
 
 
 def prediction_range(fit: Fit) -> Reach:

@@ -226,14 +226,14 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
     if response and response not in names:
         raise BadInput(f"{path}: column '{response}' is missing; there are: {', '.join(names)}")
     few, results = column_roles(usable_columns(sheet))
-    wanted = response or (results or few or names)[-1]
-    values = sheet.numbers(wanted, strict=True)
+    response_name = response or (results or few or names)[-1]
+    values = sheet.numbers(response_name, strict=True)
     if (runs := np.isfinite(values).sum()) < FEWEST_RUNS:
         raise BadInput(f"{path}: {runs} run(s) with a result; needs at least {FEWEST_RUNS}")
-    few = [name for name in few if name != wanted]
-    chosen = [name for name in few if names.index(name) < names.index(wanted)] or few
+    few = [name for name in few if name != response_name]
+    chosen = [name for name in few if names.index(name) < names.index(response_name)] or few
     if not chosen:
-        raise BadInput(f"{path}: no column of factor levels before the response '{wanted}'")
+        raise BadInput(f"{path}: no column of factor levels before the response '{response_name}'")
     levels = np.column_stack([sheet.numbers(name, strict=True) for name in chosen])
     for row, k in np.argwhere(np.isnan(levels)).tolist():
         raise BadInput(
@@ -243,11 +243,11 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
     coded = np.round(to_coded(factors, levels), 9) + 0.0
     # levels from -1 to 1 define the coding, those of star points are rounded
     digits = [sheet.last_digit(name) / f.half for name, f in zip(chosen, factors, strict=True)]
-    responses = np.full(len(coded), sheet.last_digit(wanted))
+    responses = np.full(len(coded), sheet.last_digit(response_name))
     rounding = 0.5 * np.column_stack([responses, np.array(digits) * (np.abs(coded) > 1.0)])
-    aside = tuple(name for name in names if name not in chosen and name != wanted)
+    aside = tuple(name for name in names if name not in chosen and name != response_name)
     others = tuple(name for name in results if name in aside)
-    return PublishedTable(str(path), factors, levels, coded, wanted, values, aside, others, rounding)
+    return PublishedTable(str(path), factors, levels, coded, response_name, values, aside, others, rounding)
 
 
 def usable_columns(sheet: Sheet) -> dict[str, Floats]:
