@@ -49,5 +49,5 @@ class WholeTable(pd.DataFrame):
 
 def frame(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> WholeTable:
     """Table of rows; `columns` are those of a table without rows."""
-    stated = list(rows)
-    return WholeTable(stated) if stated else WholeTable(columns=list(columns))
+    records = list(rows)
+    return WholeTable(records) if records else WholeTable(columns=list(columns))

@@ -31,7 +31,7 @@ PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high", "
 
 
 def python_call(study_path: Path, command: str, file: str, *words: str) -> str:
-    """A command of the evidence loop as a call in backquotes; `own`: the study that answers."""
+    """A command of the evidence loop as a call in backquotes; `study_path` is the study that answers."""
     if command == "effects":
         return shell_command(command, file, *words)
     study = "study" if Path(file) == study_path else f"te.study({file!r})"

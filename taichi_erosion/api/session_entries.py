@@ -98,9 +98,9 @@ def controls(session: Session) -> list[dict[str, Any]]:
         if effect.place != "scene":
             strength = entries.get(STRENGTH, 1.0) if name in scene.effects else None
             rows.append((f"effects.{name}.{STRENGTH}", strength, "1", 0.0, effect.most))
-        for each in fields(effect.params) if name in scene.effects else ():
-            value, about = entries.get(each.name, each.default), each.metadata
-            rows.append((f"effects.{name}.{each.name}", value, about["unit"], about["low"], about["high"]))
+        for param in fields(effect.params) if name in scene.effects else ():
+            value, about = entries.get(param.name, param.default), param.metadata
+            rows.append((f"effects.{name}.{param.name}", value, about["unit"], about["low"], about["high"]))
     rows.sort(key=lambda row: (row[1] is None, (*STEERED, "effects").index(row[0].partition(".")[0])))
     names = ("path", "value", "unit", "low", "high", "meaning")
     return [dict(zip(names, (*row, meaning(session, row[0])), strict=True)) for row in rows]

@@ -122,15 +122,15 @@ def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
     """Print the optimum, and the confirmation runs with the measurement and the verdict."""
     print_optimum(calibration, page)
     for name, test in calibration.document["confirm"]["tests"].items():
-        runs, wanted = page.samples(test).values()
-        typer.echo(f"{name}: {runs} simulated, {wanted} measured")
+        runs, repeats = page.samples(test).values()
+        typer.echo(f"{name}: {runs} simulated, {repeats} measured")
         typer.echo(page.verdict(test, name, calibration.file.study.targets[name].unit).replace("**", ""))
 
 
 @doe.command(**help_of("doe design"))
 def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_steps("design", study, {}, as_json, force, lambda each, page: print_design(each, "design"))
+    run_steps("design", study, {}, as_json, force, lambda file, page: print_design(file, "design"))
 
 
 def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> None:
@@ -165,12 +165,12 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
     doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
 
 
-add_step("run", "Make the runs of the screening design.", lambda found, page: print_design(found, "screen"))
+add_step("run", "Make the runs of the screening design.", lambda file, page: print_design(file, "screen"))
 add_step("analyse", "Show which parameters matter in the screening.", print_analysis)
 add_step(
     "climb",
     "Follow the path of steepest ascent towards the target.",
-    lambda found, page: output.print_table("climb", *page.climb_table(found)),
+    lambda file, page: output.print_table("climb", *page.climb_table(file)),
 )
 add_step("surface", "Fit a response surface around the best point of the path.", print_surface)
 add_step("optimise", "Find the settings that reach the target, or report that none does.", print_optimum)

@@ -122,11 +122,11 @@ def law_entries(
             remedy = f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
             raise BadInput(f"the law reads '{column}', which sets no condition; let it set one too: {remedy}")
         columns[column] = name, factors.get(name, 1.0)
-    written = re.sub(r'at\["(\w+)"\]|params\.|np\.', r"\1", law.python)
+    expression = re.sub(r'at\["(\w+)"\]|params\.|np\.', r"\1", law.python)
     return {
         "mechanism": law.mechanism,
         "mechanism_title": mechanism.title,
-        "expression": written.replace("maximum", "max").replace(" ** ", "^").replace(" * ", " "),
+        "expression": expression.replace("maximum", "max").replace(" ** ", "^").replace(" * ", " "),
         "python": law.python,
         "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,

@@ -43,7 +43,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 
     Replicas of an ensemble share their laws, and a rolling friction of 0 exerts nothing.
     """
-    added = strength * params.friction_rolling * float(dose(params, conditions))
+    friction = strength * params.friction_rolling * float(dose(params, conditions))
     if strength == 0.0:
         return scene
     bare = scene.laws.rolling == "none"
@@ -52,7 +52,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_contacts(
         with_law,
         lambda contact: contact.model_copy(
-            update={"friction_rolling": share * contact.friction_rolling + added / contact.rolling_share}
+            update={"friction_rolling": share * contact.friction_rolling + friction / contact.rolling_share}
         ),
     )
 

@@ -74,8 +74,8 @@ def update_state(constants, grain, state):
     """Wait until the grain has lain still; then watch whether it has left its place."""
     after = state
     if state.calm >= constants.setting:
-        moved = nearest_image(grain.position - place(state), grain.period).norm()
-        if moved > constants.rupture * grain.radius:
+        shift = nearest_image(grain.position - place(state), grain.period).norm()
+        if shift > constants.rupture * grain.radius:
             after.calm = LOOSE
     elif state.calm > LOOSE:
         after.calm = ti.select(grain.velocity.norm() < constants.still, state.calm + grain.interval, 0.0)

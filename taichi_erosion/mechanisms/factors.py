@@ -53,11 +53,11 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
         return scene
     bare = scene.laws.rolling == "none"
     factor = factor_of(strength, params.dose)
-    added = max(strength * params.dose, 0.0) * params.reference
+    friction = max(strength * params.dose, 0.0) * params.reference
 
     def change(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
-        after = factor * before if before > 0.0 else added / contact.rolling_share
+        after = factor * before if before > 0.0 else friction / contact.rolling_share
         return contact.model_copy(update={"friction_rolling": after})
 
     def free(contact: Contact) -> Contact:

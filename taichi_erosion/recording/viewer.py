@@ -142,10 +142,10 @@ def render_picture(
     """
     with headless_viewer(path, size) as client:
         end = last_moment(client)
-        wanted = end if moment is None else moment
-        if not 0.0 <= wanted <= end * (1.0 + ROUNDING):
-            raise BadInput(f"--time {wanted:g}: {path} runs from 0 to {end:.6g} s")
-        client.set_time(TIMELINE, duration=wanted, play_state="paused")
+        seconds = end if moment is None else moment
+        if not 0.0 <= seconds <= end * (1.0 + ROUNDING):
+            raise BadInput(f"--time {seconds:g}: {path} runs from 0 to {end:.6g} s")
+        client.set_time(TIMELINE, duration=seconds, play_state="paused")
         time.sleep(DRAW_TIME if view else NOTICE_TIME)
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:

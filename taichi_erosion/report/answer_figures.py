@@ -57,12 +57,12 @@ LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 def places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
-    ranked = sorted((each for each in record.where if each.axis in conditions), key=lambda each: each.p)
+    ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
     fails = failing(record)
     panels = []
-    for each in ranked:
-        if each in fails or each.observable not in {name for name, _ in panels}:
-            panels.append((each.observable, each.axis))
+    for place in ranked:
+        if place in fails or place.observable not in {name for name, _ in panels}:
+            panels.append((place.observable, place.axis))
     most = max(conditions, key=lambda name: np.unique(conditions[name]).size, default="")
     rest = [
         name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in panels}
@@ -259,14 +259,14 @@ def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, li
 
 def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture]:
     """Doses of a law along each of its conditions, in the order of the first of them."""
-    law, doses = mechanism.law, sorted(mechanism.doses, key=lambda each: tuple(each.conditions.values()))
+    law, doses = mechanism.law, sorted(mechanism.doses, key=lambda dose: tuple(dose.conditions.values()))
     assert law is not None
-    sizes = np.array([(each.dose, each.low, each.high) for each in doses]).T
-    places = (voc.units.setting_text(each.conditions).split(", ") for each in doses)
+    sizes = np.array([(dose.dose, dose.low, dose.high) for dose in doses]).T
+    places = (voc.units.setting_text(dose.conditions).split(", ") for dose in doses)
     words = (interval(Interval(*size)) for size in sizes.T.tolist())
     texts = {"doses": ["\n".join([size, *place]) for size, place in zip(words, places, strict=True)]}
     for number, axis in enumerate(law.conditions):
-        x = np.array([voc.units.condition(axis, each.conditions[axis]) for each in doses])
+        x = np.array([voc.units.condition(axis, dose.conditions[axis]) for dose in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
             figure, frame = single(width, PANEL[1])
@@ -305,12 +305,12 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
 
 def ladder_picture(record: Record) -> Picture:
     """Misfit per row before and after, of rows that were fitted and of those that no fit has seen."""
-    held = record.vault
-    before, after = (held.chi2_per_row_before, held.chi2_per_row_after) if held else (np.nan, np.nan)
+    vault = record.vault
+    before, after = (vault.chi2_per_row_before, vault.chi2_per_row_after) if vault else (np.nan, np.nan)
     steps = {page_words.BARE: (record.chi2_per_row_before, before)}
     steps[page_words.added_words(record)] = record.chi2_per_row_after, after
-    if held and np.isfinite(held.chi2_per_row_wrong_effect):
-        steps[f"control: {held.wrong_effect}"] = np.nan, held.chi2_per_row_wrong_effect
+    if vault and np.isfinite(vault.chi2_per_row_wrong_effect):
+        steps[f"control: {vault.wrong_effect}"] = np.nan, vault.chi2_per_row_wrong_effect
 
     def draw(width: float) -> Figure:
         figure, frame, at = chart(width, list(steps))

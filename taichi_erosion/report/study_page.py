@@ -144,9 +144,9 @@ def answer_page(
         missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
         missing += [figures.posterior_picture(record)]
         missing += [figures.strength_picture(record)] if record.effects else []
-    held = records.get("adopt", leading)
-    misfits = [figures.ladder_picture(held)] if page_words.added_words(held) else []
-    numbers = [figures.number_picture(held)] if held.parameters else []
+    adoption = records.get("adopt", leading)
+    misfits = [figures.ladder_picture(adoption)] if page_words.added_words(adoption) else []
+    numbers = [figures.number_picture(adoption)] if adoption.parameters else []
     drawn = missing, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
     tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)
