@@ -112,10 +112,7 @@ def velocity_ghosts(air_out: ti.template(), first, last):
 
 
 @ti.kernel
-def fill_velocity_ghosts(
-    # out
-    air_out: ti.template(),
-):
+def fill_velocity_ghosts(air_out: ti.template()):
     """Velocities in all ghosts of all replicas.
 
     Writes `air_out`: velocities, velocity_z.
@@ -180,14 +177,7 @@ def cell_ghosts(outlet_sign: ti.template(), air: ti.template(), quantities_out: 
 
 
 @ti.kernel
-def fill_cell_ghosts(
-    # parameters
-    outlet_sign: ti.template(),
-    # in
-    air: ti.template(),
-    # out
-    values_out: ti.template(),
-):
+def fill_cell_ghosts(outlet_sign: ti.template(), air: ti.template(), values_out: ti.template()):
     """Ghosts of a cell quantity of all replicas."""
     cell_ghosts(outlet_sign, air, ti.static((values_out,)), 0, air.count)
 
@@ -213,10 +203,7 @@ def fill_wall_ghost(air_out: ti.template(), across: ti.template(), upper: ti.tem
 
 
 @ti.kernel
-def fill_wall_viscosity(
-    # out
-    air_out: ti.template(),
-):
+def fill_wall_viscosity(air_out: ti.template()):
     """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`.
 
     Writes `air_out`: eddy_cell.

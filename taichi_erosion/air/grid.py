@@ -307,12 +307,7 @@ def each_stage_column(task: ti.template(), air_out: ti.template(), first, last, 
 
 
 @ti.kernel
-def parallel_columns(
-    # parameters
-    task: ti.template(),
-    # out
-    air_out: ti.template(),
-):
+def parallel_columns(task: ti.template(), air_out: ti.template()):
     """One device function applied to every column of cells of all replicas, in parallel.
 
     Writes `air_out`: what `task` writes.
@@ -321,13 +316,7 @@ def parallel_columns(
 
 
 @ti.kernel
-def parallel_stage_columns(
-    # parameters
-    task: ti.template(),
-    share: ti.f64,
-    # out
-    air_out: ti.template(),
-):
+def parallel_stage_columns(task: ti.template(), share: ti.f64, air_out: ti.template()):
     """Likewise for a stage that takes so large a share of the step.
 
     Writes `air_out`: what `task` writes.

@@ -80,10 +80,7 @@ def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
 
 
 @ti.kernel
-def update_inlet_fluctuation(
-    # out
-    air_out: ti.template(),
-):
+def update_inlet_fluctuation(air_out: ti.template()):
     """Fluctuation at every cell of the inlet at the end of the coming step.
 
     Writes `air_out`: inlet_fluctuation.

@@ -12,14 +12,7 @@ from taichi_erosion.core.transfer import download_field, write
 
 
 @ti.kernel
-def copy_replica(
-    # parameters
-    r: ti.i32,
-    # in
-    air: ti.template(),
-    # out
-    table_out: ti.types.ndarray(dtype=ti.f64, ndim=4),
-):
+def copy_replica(r: ti.i32, air: ti.template(), table_out: ti.types.ndarray(dtype=ti.f64, ndim=4)):
     """Velocities on faces, pressure, eddy viscosity and friction velocity of the floor, ghosts included."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for i, j in ti.ndrange(nx + 1, ny + 1):

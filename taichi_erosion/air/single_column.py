@@ -86,12 +86,7 @@ def advance_column(air_out: ti.template(), r, dt):
 
 
 @ti.kernel
-def advance_columns(
-    # parameters
-    steps: ti.i32,
-    # out
-    air_out: ti.template(),
-):
+def advance_columns(steps: ti.i32, air_out: ti.template()):
     """The columns of all replicas after so many of their own time steps.
 
     Writes `air_out`: eddy_face, elimination, length, numbers.time, velocities, velocity_x, velocity_y,

@@ -80,10 +80,7 @@ def tick(air_out: ti.template(), r):
 
 
 @ti.kernel
-def extrapolate_outlets(
-    # out
-    air_out: ti.template(),
-):
+def extrapolate_outlets(air_out: ti.template()):
     """Velocity on an outlet from the last face inside, until the pressure corrects it.
 
     Writes `air_out`: velocity_x, velocity_z.
@@ -253,15 +250,7 @@ def correct_stage(air_out: ti.template(), r, stage):
 
 
 @ti.kernel
-def parallel_active(
-    # parameters
-    task: ti.template(),
-    count: ti.i32,
-    chunk: ti.i32,
-    stage: ti.i32,
-    # out
-    air_out: ti.template(),
-):
+def parallel_active(task: ti.template(), count: ti.i32, chunk: ti.i32, stage: ti.i32, air_out: ti.template()):
     """One task of a stage applied to every active replica, each on one thread.
 
     Writes `air_out`: what `task` writes.

@@ -108,12 +108,7 @@ def make_bench(drag_law: Any = stokes_drag) -> Bench:
 
 @ti.kernel
 def evaluate_pair(
-    # in
-    effects: ti.template(),
-    pairs: ti.template(),
-    # out
-    attraction_out: ti.template(),
-    force_out: ti.template(),
+    effects: ti.template(), pairs: ti.template(), attraction_out: ti.template(), force_out: ti.template()
 ):
     for i in attraction_out:
         pair = pairs[i]
@@ -123,13 +118,7 @@ def evaluate_pair(
 
 
 @ti.kernel
-def evaluate_first_contact(
-    # in
-    effects: ti.template(),
-    contacts: ti.template(),
-    # out
-    passes_out: ti.template(),
-):
+def evaluate_first_contact(effects: ti.template(), contacts: ti.template(), passes_out: ti.template()):
     for i in passes_out:
         contact = contacts[i]
         passes_out[i] = ti.cast(any_passes(effects, 0, contact), float)
@@ -137,12 +126,7 @@ def evaluate_first_contact(
 
 @ti.kernel
 def evaluate_grain(
-    # in
-    effects: ti.template(),
-    grains: ti.template(),
-    # out
-    force_out: ti.template(),
-    torque_out: ti.template(),
+    effects: ti.template(), grains: ti.template(), force_out: ti.template(), torque_out: ti.template()
 ):
     for i in force_out:
         grain = grains[i]
@@ -159,12 +143,7 @@ def evaluate_grain(
 
 
 @ti.kernel
-def advance_state(
-    # in
-    grains: ti.template(),
-    # out
-    effects_out: ti.template(),
-):
+def advance_state(grains: ti.template(), effects_out: ti.template()):
     """Writes `effects_out`: states."""
     for i in grains:
         grain = grains[i]

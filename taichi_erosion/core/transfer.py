@@ -41,10 +41,7 @@ def inner_shape(field: Any) -> tuple[int, ...]:
 
 
 @ti.kernel
-def address_of(
-    # in
-    field: ti.template(),
-) -> ti.u64:
+def address_of(field: ti.template()) -> ti.u64:
     """Address of the first element of a field, whatever the offset of its indices."""
     return ti.get_addr(field, ti.Vector([0 for _ in ti.static(range(len(field.shape)))]))
 
@@ -130,14 +127,7 @@ def layout(chosen: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
 
 
 @ti.kernel
-def write_rows(
-    # parameters
-    first: ti.i32,
-    # in
-    table: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    # out
-    columns_out: ti.template(),
-):
+def write_rows(first: ti.i32, table: ti.types.ndarray(dtype=ti.f64, ndim=2), columns_out: ti.template()):
     for i in range(table.shape[0]):
         for column in ti.static(columns_out):
             field_out, place, rows, columns = ti.static(column)
@@ -152,14 +142,7 @@ def write_rows(
 
 
 @ti.kernel
-def read_rows(
-    # parameters
-    first: ti.i32,
-    # in
-    columns_in: ti.template(),
-    # out
-    table_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
-):
+def read_rows(first: ti.i32, columns_in: ti.template(), table_out: ti.types.ndarray(dtype=ti.f64, ndim=2)):
     for i in range(table_out.shape[0]):
         for column in ti.static(columns_in):
             field, place, rows, columns = ti.static(column)
@@ -205,13 +188,7 @@ def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float6
 
 
 @ti.kernel
-def fill_line(
-    # parameters
-    count: ti.i32,
-    number: ti.f64,
-    # out
-    column_out: ti.template(),
-):
+def fill_line(count: ti.i32, number: ti.f64, column_out: ti.template()):
     """Every number of a field of one axis; `count` is no constant, so that no more threads start than may."""
     for i in range(count):
         field_out, _, rows, columns = ti.static(column_out)

@@ -209,13 +209,7 @@ def set_held_load(world: ti.template(), coupling_out: ti.template(), r, c, numbe
 
 @ti.kernel
 def spin_up_round(
-    # parameters
-    r: ti.i32,
-    number: ti.i32,
-    anew: ti.i32,
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
+    r: ti.i32, number: ti.i32, anew: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
     """Some steps of the column of replica r over grains that keep their places, and its drag; round 0: none.
 

@@ -75,13 +75,7 @@ def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
 
 @ti.kernel
 def each_selected_replica(
-    # parameters
-    task: ti.template(),
-    count: ti.i32,
-    chunk: ti.i32,
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
+    task: ti.template(), count: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
     """Run one task for every selected replica.
 

@@ -114,12 +114,9 @@ def list_grain_contacts(world_out: ti.template(), rows_out: ti.template(), r, ra
 
 @ti.kernel
 def list_contacts(
-    # parameters
     r: ti.i32,
     released: ti.i32,
-    # in
     first: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    # out
     number_out: ti.types.ndarray(dtype=ti.i32, ndim=1),
     rows_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
     world_out: ti.template(),

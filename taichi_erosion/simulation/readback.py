@@ -125,15 +125,12 @@ def add_grain(
 
 @ti.kernel
 def sum_chunks(
-    # parameters
     first: ti.i32,
     last: ti.i32,
     chunk: ti.i32,
     chunks: ti.i32,
     counts: ti.i32,
-    # in
     world: ti.template(),
-    # out
     contacts_out: ti.types.ndarray(dtype=ti.i32, ndim=2),
     sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):

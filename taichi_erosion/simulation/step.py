@@ -264,10 +264,7 @@ def run_assigned(world_out: ti.template(), coupling_out: ti.template(), schedule
 
 
 @ti.kernel
-def release_first(
-    # out
-    world_out: ti.template(),
-):
+def release_first(world_out: ti.template()):
     """Release the grains that are there from the start, so that a state can be read before the first step.
 
     Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
@@ -280,12 +277,9 @@ def release_first(
 
 @ti.kernel
 def run_replicas(
-    # parameters
     workers: ti.i32,
     chunk: ti.i32,
-    # in
     schedule: ti.template(),
-    # out
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
@@ -302,13 +296,7 @@ def run_replicas(
 
 @ti.kernel
 def run_teams(
-    # parameters
-    teams: ti.i32,
-    size: ti.i32,
-    chunk: ti.i32,
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
+    teams: ti.i32, size: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
     """Teams of `size` workers divide the partitions of one replica each.
 

@@ -120,12 +120,7 @@ def solve_replica(air_out: ti.template(), r):
 
 
 @ti.kernel
-def parallel_replicas(
-    # parameters
-    task: ti.template(),
-    # out
-    air_out: ti.template(),
-):
+def parallel_replicas(task: ti.template(), air_out: ti.template()):
     """One device function applied to every replica, in parallel.
 
     Writes `air_out`: what `task` writes.
@@ -136,10 +131,7 @@ def parallel_replicas(
 
 
 @ti.kernel
-def worst_of_all(
-    # in
-    worst: ti.template(),
-) -> ti.f64:
+def worst_of_all(worst: ti.template()) -> ti.f64:
     """Largest of all columns of all replicas; NaN where one is NaN."""
     largest = real(0.0)
     ti.loop_config(serialize=True)

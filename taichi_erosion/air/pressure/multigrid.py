@@ -348,14 +348,7 @@ def cycle_replica(levels_out: ti.template(), r):
 
 
 @ti.kernel
-def parallel_lines(
-    # parameters
-    task: ti.template(),
-    serial: ti.template(),
-    level: ti.i32,
-    # out
-    levels_out: ti.template(),
-):
+def parallel_lines(task: ti.template(), serial: ti.template(), level: ti.i32, levels_out: ti.template()):
     """One device function applied to every line of one level of all replicas, in parallel.
 
     Writes `levels_out`: what `task` writes.
@@ -364,14 +357,7 @@ def parallel_lines(
 
 
 @ti.kernel
-def parallel_relax(
-    # parameters
-    serial: ti.template(),
-    level: ti.i32,
-    first: ti.i32,
-    # out
-    levels_out: ti.template(),
-):
+def parallel_relax(serial: ti.template(), level: ti.i32, first: ti.i32, levels_out: ti.template()):
     """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other.
 
     Writes `levels_out`: solution.
@@ -380,13 +366,7 @@ def parallel_relax(
 
 
 @ti.kernel
-def sweep_coarsest(
-    # parameters
-    level: ti.i32,
-    sweeps: ti.i32,
-    # out
-    levels_out: ti.template(),
-):
+def sweep_coarsest(level: ti.i32, sweeps: ti.i32, levels_out: ti.template()):
     """Symmetric Gauss-Seidel on the coarsest level, one thread a replica.
 
     Writes `levels_out`: solution.

@@ -283,10 +283,7 @@ def locate_sphere(world_out: ti.template(), coupling: ti.template(), buffers: ti
 
 
 @ti.kernel
-def release_at_start(
-    # out
-    world_out: ti.template(),
-):
+def release_at_start(world_out: ti.template()):
     """Release the grains that are there from the start, one thread a grain.
 
     Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,

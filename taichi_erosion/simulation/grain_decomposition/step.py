@@ -214,12 +214,7 @@ def advance_together(
 
 @ti.kernel
 def run_together(
-    # parameters
-    stages: ti.template(),
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
-    buffers_out: ti.template(),
+    stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
     """Advance all replicas until none has steps left; the stages write what `simulation.step.run_teams` does.
 
@@ -236,12 +231,7 @@ def run_together(
 
 @ti.kernel
 def run_apart(
-    # parameters
-    stages: ti.template(),
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
-    buffers_out: ti.template(),
+    stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
     """Look at the lists and advance by `WAIT` steps, task by task, with a thread for each place of a task."""
     for stage in ti.static(stages.apart):
