@@ -21,13 +21,7 @@ from taichi_erosion.core.engine import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics
-from taichi_erosion.execution.checks import (
-    EffectFiles,
-    compatibility_key,
-    library_of,
-    read_scene,
-    with_effects,
-)
+from taichi_erosion.execution import checks
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import template_spheres
@@ -72,7 +66,7 @@ class RunResult:
 
 
 def scene_request(
-    path: Path, overrides: Sequence[str], seed: int, effect_files: EffectFiles = (), **extra: Any
+    path: Path, overrides: Sequence[str], seed: int, effect_files: checks.EffectFiles = (), **extra: Any
 ) -> RunRequest:
     """Request of one scene file with PATH=VALUE overrides and a seed. Raises BadInput for what cannot run.
 
@@ -80,7 +74,7 @@ def scene_request(
     recording) and `properties` (columns of rerun's table of runs, by group), which change no result and are
     not in the key.
     """
-    return request_of(read_scene(path, tuple(overrides), effect_files), seed, **extra)
+    return request_of(checks.read_scene(path, tuple(overrides), effect_files), seed, **extra)
 
 
 def request_of(
@@ -107,7 +101,7 @@ def request_of(
     }
     way = f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
     mark = "" if way == "-cpu-partitions" else way  # of runs with bits of their own
-    group = compatibility_key(scene)
+    group = checks.compatibility_key(scene)
     key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
     if numerics.arch == "cpu":
         return RunRequest(key, payload, group + mark, work_of(scene))
@@ -136,7 +130,7 @@ def work_of(scene: Scene) -> float:
     from taichi_erosion.simulation.scene_setup import effective_scene  # only here: it loads Taichi
 
     with suppress(BadInput):  # impossible with its effects: as without
-        scene = effective_scene(scene, library_of(scene))
+        scene = effective_scene(scene, checks.library_of(scene))
     spheres = scene.grains.count * (len(template_spheres(scene.grains.clump)) if scene.grains.clump else 1)
     return spheres * sum(stage.duration_max for stage in scene.stages) / time_step(scene)
 
@@ -156,7 +150,7 @@ def simulating() -> Iterator[RunFunction]:
         scene = parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"]))
         files = tuple(EffectFile(Path(path), text) for path, text in payload["effect_files"])
         return ReplicaRequest(
-            scene=with_effects(scene, files) if scene.effects else scene,
+            scene=checks.with_effects(scene, files) if scene.effects else scene,
             seed=payload["seed"],
             record=Path(payload["record"]) if payload["record"] else None,
             properties=payload["properties"],

@@ -18,16 +18,8 @@ from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.stages import whole_intervals
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.measures.wind_bed import flux_of
-from taichi_erosion.recording import stream
+from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.air_recording import log_fields, log_profile
-from taichi_erosion.recording.pictures import (
-    Picture,
-    SideView,
-    film_frame,
-    silhouette_grid,
-    write_gif,
-    write_png,
-)
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation
@@ -47,12 +39,12 @@ class Recorder:
     replica: int
     recording: stream.Recording
     walls: tuple[WallMesh, ...]  # in their starting positions
-    view: SideView
+    view: pictures.SideView
     resting_speed: float  # m s-1
     interval: float  # s between frames; infinite once the recording is closed
     frames: int = 0  # intervals of which a frame is written
     stage: int = 0
-    film: list[Picture] = field(default_factory=list)
+    film: list[pictures.Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
     is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
 
@@ -77,10 +69,10 @@ def resting_speed(setup: Setup) -> float:
     return RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter) or stream.FASTEST_COLOUR)
 
 
-def side_view(setup: Setup) -> SideView:
+def side_view(setup: Setup) -> pictures.SideView:
     """Window of the film: the whole apparatus."""
     low, high = apparatus_box(setup)
-    return SideView((low[0], low[2]), (high[0], high[2]))
+    return pictures.SideView((low[0], low[2]), (high[0], high[2]))
 
 
 def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
@@ -138,7 +130,7 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
     if recorder.frames % recorder.film_every == 0:
         speeds = (recorder.resting_speed, stream.FASTEST_COLOUR)
         walls = present_walls(recorder.walls, ensemble.sim, recorder.replica)
-        recorder.film.append(film_frame(now, recorder.view, walls, speeds))
+        recorder.film.append(pictures.film_frame(now, recorder.view, walls, speeds))
     if len(recorder.film) > FILM_FRAMES:
         recorder.film = recorder.film[::2]
         recorder.film_every *= 2
@@ -225,13 +217,13 @@ def write_pictures(recorder: Recorder, ensemble: EnsembleRun) -> dict[str, str]:
         if measurement is not None and measurement.details.get("lines"):
             image = silhouettes(simulation.snapshot(ensemble.sim, recorder.replica), measurement.details)
             stream.log_image(recorder.recording, "silhouette", image, timeless=True)
-            files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
+            files["silhouettes"] = str(pictures.write_png(path.with_suffix(".png"), image))
     if recorder.film:
-        files["film"] = str(write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
+        files["film"] = str(pictures.write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
     return files
 
 
-def silhouettes(state: Snapshot, details: dict[str, Any]) -> Picture:
+def silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Picture:
     """Silhouettes of a heap on z = 0 from all measured azimuths, with the fitted flanks."""
     grain = 2.0 * float(np.median(state.radius))
     masks, flanks, captions = [], [], []
@@ -247,4 +239,4 @@ def silhouettes(state: Snapshot, details: dict[str, Any]) -> Picture:
         flanks.append(np.stack([column, mask.shape[0] - ends[..., 1] / drawn.pixel], axis=-1))
         masks.append(mask[:, columns[0] : columns[-1] + 1])
         captions.append(f"{azimuth:.0f}")
-    return silhouette_grid(masks, flanks, captions)
+    return pictures.silhouette_grid(masks, flanks, captions)

@@ -16,7 +16,7 @@ from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
-from taichi_erosion.execution import RunOptions
+from taichi_erosion.execution import RunOptions, result
 from taichi_erosion.execution.checkpoint import Checkpointer, restore_run
 from taichi_erosion.execution.checks import idle_entries, library_of, named_effects, read_scene, setup_report
 from taichi_erosion.execution.ensemble_loop import (
@@ -28,14 +28,6 @@ from taichi_erosion.execution.ensemble_loop import (
 )
 from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.execution.restart import adapt_state, apply_changes, changed_entries
-from taichi_erosion.execution.result import (
-    apply_instruments,
-    record_of,
-    refuse_unwritable_outputs,
-    replica_record,
-    run_document,
-    write_document_or_warn,
-)
 from taichi_erosion.execution.stages import ReplicaState, whole_intervals
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
@@ -99,7 +91,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     scene = read_scene(path, (*options.overrides, *numbers), named)
     hashed = scene_hash(scene)
-    record = record_of(path, scene, scene.run.seed, options)
+    record = result.record_of(path, scene, scene.run.seed, options)
     library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
     recorder = None
@@ -117,13 +109,13 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with deferred_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
-            state.measurements = apply_instruments(state.measurements, scene, library)
+            state.measurements = result.apply_instruments(state.measurements, scene, library)
         document = scene_document(path, scene, ensemble, time.perf_counter() - started)
         document["limits"]["warnings"] += idle_entries(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording(recorder, ensemble, first, properties)
-            write_document_or_warn(record, document)
+            result.write_document_or_warn(record, document)
     failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
     if len(failed) == len(ensemble.states):
         more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
@@ -140,7 +132,7 @@ def assemble_run(
     if resume and (saved := [record["seed"] for record in resume[1]["replicas"]]) != seeds:
         raise BadInput(f"{options.resume}: holds seeds {saved}, not {seeds}")
     setups = [prepare(scene, seed, library) for seed in seeds]
-    refuse_unwritable_outputs(path, options, record)
+    result.refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
         changed = changed_entries(options.resume, effective, resume[1])
@@ -209,10 +201,10 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
-    return run_document(
+    return result.run_document(
         path,
         scene,
-        [replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
+        [result.replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
         pooled,
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,

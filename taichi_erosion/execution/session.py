@@ -25,14 +25,7 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.execution.checks import (
-    EffectFiles,
-    idle_entries,
-    library_of,
-    named_effects,
-    read_scene,
-    setup_report,
-)
+from taichi_erosion.execution import checks
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_interval
 from taichi_erosion.execution.observables import measure
 from taichi_erosion.execution.recorder import (
@@ -90,7 +83,7 @@ class Session:
     callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each advance
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each of these
     watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
-    effect_files: EffectFiles = ()  # beside those that the scene names
+    effect_files: checks.EffectFiles = ()  # beside those that the scene names
     states: list["Kept"] = field(default_factory=list)  # at earlier times, and before each change
     keep_at: float = 0.0  # s of the monotonic clock, from which the next one is due
     latest_change: tuple[str, float] = ("", 0.0)  # entry, and s of the monotonic clock
@@ -119,9 +112,9 @@ def open_session(
     effect_files: Sequence[Path] = (),
 ) -> Session:
     """Load a scene and assemble one replica of it, at the beginning of its first stage. Raises BadInput."""
-    files = named_effects(effect_files)
-    scene = read_scene(Path(path), overrides, files)
-    library = library_of(scene)
+    files = checks.named_effects(effect_files)
+    scene = checks.read_scene(Path(path), overrides, files)
+    library = checks.library_of(scene)
     chosen = scene.run.seed if seed is None else seed
     ensemble = build(scene, chosen, library)
     begin_stage(ensemble.sim, ensemble.scenes[0], 0, ensemble.states[0], 0.0)
@@ -203,11 +196,11 @@ def is_at_rest(session: Session) -> bool:
 def set_entry(session: Session, path: str, value: str) -> str:
     """Change one entry of the scene while it runs; returns what was done. Raises BadInput."""
     overrides = (*session.overrides, f"{path}={value}")
-    scene = read_scene(session.path, overrides, session.effect_files)
+    scene = checks.read_scene(session.path, overrides, session.effect_files)
     changed = changed_fields(session.scene, scene)
     if not changed:
         return f"{path} is {value} already"
-    library = library_of(scene)
+    library = checks.library_of(scene)
     before, after = session.ensemble.scenes[0], simulation.effective_scene(scene, library)
     fixed = [name for name in changed_fields(before, after) if name not in LIVE]
     if before.wind is None or after.wind is None:
@@ -229,7 +222,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
 def warnings_now(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
     scene = session.scene
-    return [*setup_report(scene)["warnings"], *idle_entries(scene, session.effect_files)]
+    return [*checks.setup_report(scene)["warnings"], *checks.idle_entries(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:

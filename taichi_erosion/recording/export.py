@@ -16,15 +16,8 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import mark_of, marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.snapshot import ContactNetwork, GrainFields, Snapshot
+from taichi_erosion.recording import readback
 from taichi_erosion.recording.pictures import SideView, force_chain_picture, png_bytes
-from taichi_erosion.recording.readback import (
-    GrainFrame,
-    WallTrack,
-    read_contacts,
-    read_fields,
-    read_grains,
-    read_walls,
-)
 from taichi_erosion.recording.stream import CONTACT_VECTORS
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -40,18 +33,18 @@ NOTHING = dict.fromkeys(FIELD_UNITS, 0.0) | {"velocity": np.nan}  # beyond the g
 NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 
 
-def grain_frame(state: Snapshot) -> GrainFrame:
+def grain_frame(state: Snapshot) -> readback.GrainFrame:
     """Frame of a state that has not been recorded."""
     columns = {
         name: getattr(state, name) for name in ("velocity", "spin", "force", "mass", "contacts", "kind")
     }
     columns = {name: values for name, values in columns.items() if values is not None}
-    return GrainFrame(
+    return readback.GrainFrame(
         state.time, state.ident, state.position, state.radius, columns | dict(state.effect_state)
     )
 
 
-def grain_table(frames: Sequence[GrainFrame]) -> "xr.Dataset":
+def grain_table(frames: Sequence[readback.GrainFrame]) -> "xr.Dataset":
     """Grains by time and grain, vectors also by axis; NaN where a grain is not there."""
     import xarray as xr
 
@@ -127,9 +120,9 @@ def wall_table(poses: Mapping[str, Any], network: ContactNetwork) -> "xr.Dataset
 
 def export_netcdf(recording: Path, folder: Path, force: bool = False) -> Path:
     """Write grains, and contacts and fields where they are recorded, as NAME.nc; returns the folder."""
-    tables = {"grains": grain_table(read_grains(recording))}
-    tables |= {"contacts": contact_table(networks)} if (networks := read_contacts(recording)) else {}
-    tables |= {"fields": field_table(fields)} if (fields := read_fields(recording)) else {}
+    tables = {"grains": grain_table(readback.read_grains(recording))}
+    tables |= {"contacts": contact_table(networks)} if (networks := readback.read_contacts(recording)) else {}
+    tables |= {"fields": field_table(fields)} if (fields := readback.read_fields(recording)) else {}
     for name, table in tables.items():
         refuse_foreign(folder / f"{name}.nc", recording, force)
         table.attrs["source"] = mark_of(folder / f"{name}.nc", recording)
@@ -140,7 +133,7 @@ def export_netcdf(recording: Path, folder: Path, force: bool = False) -> Path:
 def export_chains(recording: Path, picture: Path, moment: float | None = None, force: bool = False) -> Path:
     """Write the force chains at a moment [s], or at the end, seen from the side (PNG). Raises BadInput."""
     refuse_foreign(picture, recording, force)
-    networks, frames = read_contacts(recording), read_grains(recording)
+    networks, frames = readback.read_contacts(recording), readback.read_grains(recording)
     if not networks:
         raise BadInput(f"{recording}: {NO_CONTACTS}")
     time = networks[-1].time if moment is None else moment
@@ -150,12 +143,12 @@ def export_chains(recording: Path, picture: Path, moment: float | None = None, f
         )
     network = networks[bisect_right([one.time for one in networks], time * (1.0 + 1e-9)) - 1]
     frame = next(one for one in frames if one.time == network.time)
-    walls = [(track, track.at(frame.time)) for track in read_walls(recording)]
+    walls = [(track, track.at(frame.time)) for track in readback.read_walls(recording)]
     meshes = [WallMesh(one.name, at, one.triangles, False) for one, at in walls if at is not None]
     return write_atomic(picture, marked_png(picture, recording, chain_picture(frame, network, meshes)))
 
 
-def chain_picture(frame: GrainFrame, network: ContactNetwork, walls: Sequence[WallMesh]) -> bytes:
+def chain_picture(frame: readback.GrainFrame, network: ContactNetwork, walls: Sequence[WallMesh]) -> bytes:
     """PNG of the force chains among grains that fill the picture."""
     reach = frame.radius[:, None]
     low = (frame.position - reach).min(axis=0, initial=np.inf)
@@ -176,10 +169,10 @@ def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
         raise BadInput(
             f"{folder}: holds grains_*.vtu of something else; name another folder, or give --force"
         )
-    frames, walls = read_grains(recording), read_walls(recording)
+    frames, walls = readback.read_grains(recording), readback.read_walls(recording)
     if not frames:
         raise BadInput(f"{recording}: holds no frame of grains")
-    networks = {network.time: network for network in read_contacts(recording)}
+    networks = {network.time: network for network in readback.read_contacts(recording)}
     parts: list[tuple[float, int, str]] = []  # time, part and name of every file
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -194,7 +187,7 @@ def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
     return write_collection(folder, parts, recording)
 
 
-def write_grains(frame: GrainFrame, folder: Path, number: int) -> str:
+def write_grains(frame: readback.GrainFrame, folder: Path, number: int) -> str:
     """Write the grains of one frame; returns the name of the file."""
     import meshio
 
@@ -218,7 +211,7 @@ def write_contacts(network: ContactNetwork, folder: Path, number: int) -> str:
     return name
 
 
-def write_walls(walls: Sequence[WallTrack], time: float, folder: Path, number: int) -> str:
+def write_walls(walls: Sequence[readback.WallTrack], time: float, folder: Path, number: int) -> str:
     """Write the walls at a time [s], numbered by `wall`; returns the name of the file, one if none moves."""
     import meshio
 

@@ -12,14 +12,7 @@ import scipy
 from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.scene.preparation import limits
-from taichi_erosion.scene.preparation.air import (
-    GRAIN_ROUGHNESS,
-    air_time_step,
-    box_faces,
-    longest_step,
-    surface_height,
-)
+from taichi_erosion.scene.preparation import air, limits
 from taichi_erosion.scene.preparation.fill import lattice_points, listed_diameters, places_per_layer
 from taichi_erosion.scene.preparation.sizes import (
     grain_cube,
@@ -88,7 +81,7 @@ def check_wind(scene: Scene) -> Iterator[str]:
 
 def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """The lid lies above the bed, and where wind blows above most grains that hop."""
-    bed, diameter = surface_height(scene, wind), nominal_diameter(scene.grains)
+    bed, diameter = air.surface_height(scene, wind), nominal_diameter(scene.grains)
     blows = wind.friction_velocity > 0.0 or any(
         stage.until == "threshold" or stage.friction_velocity for stage in scene.stages
     )
@@ -134,8 +127,8 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
             yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {reason}"
     friction = max([wind.friction_velocity, *(stage.friction_velocity or 0.0 for stage in scene.stages)])
     friction = wind.partition * max(friction, scene.threshold.transport or 0.0, scene.threshold.first or 0.0)
-    above = wind.height - surface_height(scene, wind)
-    roughness = GRAIN_ROUGHNESS * nominal_diameter(scene.grains)
+    above = wind.height - air.surface_height(scene, wind)
+    roughness = air.GRAIN_ROUGHNESS * nominal_diameter(scene.grains)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
     flown = fastest * wind.look_steps * limits.time_step(scene)
     most = COURANT_MOST * wind.length / wind.columns[0]
@@ -278,13 +271,13 @@ def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator
 
 def computed_problems(scene: AirScene) -> Iterator[str]:
     """Roughness lengths lie below the centres of cells at walls; the time step follows the fastest wind."""
-    layers = box_faces(scene.air)
+    layers = air.box_faces(scene.air)
     for name, lowest in (("z_low", layers[1]), ("z_high", scene.air.extents[2] - layers[-2])):
         side = scene.air.sides[name]
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
             length = side.roughness_length
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
-    step, longest = air_time_step(scene), longest_step(scene)
+    step, longest = air.air_time_step(scene), air.longest_step(scene)
     if step > longest * (1.0 + 1e-9):
         reason = "lets wind or diffusion cross more than a cell (CFL)"
         yield f"run.time_step = {step:g} s {reason}; at most {longest:.3g} s"

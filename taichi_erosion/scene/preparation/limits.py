@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.preparation import sizes
 from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.contacts import (
     materials_used,
@@ -16,14 +17,6 @@ from taichi_erosion.scene.preparation.contacts import (
     young_effective,
 )
 from taichi_erosion.scene.preparation.fill import clearing_time, start_top
-from taichi_erosion.scene.preparation.sizes import (
-    SPHERE_REACH,
-    grain_cube,
-    kind_counts,
-    nominal_diameter,
-    size_range,
-    template_spheres,
-)
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
@@ -79,11 +72,11 @@ def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
     if contact is None or contact.surface_energy <= 0.0 or scene.laws.normal != "jkr":
         return None
     energy = surface_energy(scene.grains, contact, material, material)
-    diameter, gravity = nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
+    diameter, gravity = sizes.nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
     young = young_effective(material, material)
     strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
-    volume = scene.grains.count * pi / 6.0 * grain_cube(scene) / SOLID_FRACTION
+    volume = scene.grains.count * pi / 6.0 * sizes.grain_cube(scene) / SOLID_FRACTION
     height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
     heap_stress = SOLID_FRACTION * material.density * gravity * height
     pull, cohesion = 3.0 * pi * energy * radius, strength * contact.friction_sliding
@@ -117,7 +110,7 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
 
     Reference: Zuriguel et al. (2005), Phys. Rev. E 71, 051303.
     """
-    largest = size_range(scene.grains)[1]
+    largest = sizes.size_range(scene.grains)[1]
     for name, wall in sorted(scene.geometry.items()):
         if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
             reason = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
@@ -126,9 +119,9 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
 
 def inlet_warnings(scene: Scene) -> Iterator[str]:
     """Sentences about inlets that cannot keep their rate: layers of grains fall clear of each other."""
-    width = grain_cube(scene) ** (1.0 / 3.0)
+    width = sizes.grain_cube(scene) ** (1.0 / 3.0)
     for path, inlet in scene.fill.parts.items() if isinstance(scene.fill, Pour) else ():
-        clear = clearing_time(inlet, 0.5 * size_range(scene.grains)[1], scene.gravity.magnitude)
+        clear = clearing_time(inlet, 0.5 * sizes.size_range(scene.grains)[1], scene.gravity.magnitude)
         most = inlet.coverage * inlet.area(width) / (0.25 * pi * width**2) / clear
         mean = scene.grain_density * pi / 6.0 * width**3
         rate = inlet.rate or (inlet.mass_rate or 0.0) / mean
@@ -170,8 +163,8 @@ def impact_overlap(mass: float, radius: float, young: float, speed: float) -> fl
 def smallest_radii(scene: Scene) -> dict[str, float]:
     """Radius of the smallest contact sphere that the scene can make [m], by material of the grains."""
     clump = scene.grains.clump
-    share = min(radius for _, radius in template_spheres(clump)) if clump else SPHERE_REACH
-    least = {name: size_range(part.size)[0] for name, part in scene.grains.parts.items()}
+    share = min(radius for _, radius in sizes.template_spheres(clump)) if clump else sizes.SPHERE_REACH
+    least = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
     if isinstance(scene.fill, Positions):
         rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
         least = {
@@ -203,7 +196,7 @@ def expected_speed(scene: Scene) -> float:
 
     v = sqrt(v_0^2 + 2 g h)
     """
-    top = start_top(scene, 0.5 * size_range(scene.grains)[1])
+    top = start_top(scene, 0.5 * sizes.size_range(scene.grains)[1])
     bottom = min((float(wall_bounds(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
     speeds = [sqrt(start_speed(scene) ** 2 + fall)]
@@ -226,7 +219,7 @@ def start_speed(scene: Scene) -> float:
         return float(np.linalg.norm(saved_bed(scene, fill, scene.run.seed)["velocity"], axis=1).max())
     if isinstance(fill, Pour):
         return max(each.speed for each in fill.parts.values())
-    return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains))
+    return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * sizes.nominal_diameter(scene.grains))
 
 
 def smallest_impacts(scene: Scene) -> Iterator[tuple[str, float, float, float]]:
@@ -328,7 +321,7 @@ def kind_lines(scene: Scene) -> list[str]:
     """Kinds of grains with their numbers, and pairs of them whose contact is mixed."""
     if not scene.grains.kinds:
         return []
-    counts = kind_counts(scene)
+    counts = sizes.kind_counts(scene)
     lines = [f"{name}: {count:,} grains" for name, count in counts.items()]
     for a, b in combinations(counts, 2):
         contact = scene.contact_of(a, b)
@@ -341,13 +334,13 @@ def kind_lines(scene: Scene) -> list[str]:
 def explain(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
-    low, high = size_range(scene.grains)
+    low, high = sizes.size_range(scene.grains)
     return {
         "time_step": chosen,
         "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
         "limits": limit,
         "expected_speed": expected_speed(scene),
-        "diameter": {"low": low, "nominal": nominal_diameter(scene.grains), "high": high},
+        "diameter": {"low": low, "nominal": sizes.nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),

@@ -6,16 +6,8 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from taichi_erosion.core import setup
 from taichi_erosion.core.errors import did_you_mean
-from taichi_erosion.core.setup import (
-    AdhesionBranch,
-    FrictionCap,
-    Laws,
-    NormalLaw,
-    Precision,
-    RollingLaw,
-    Setup,
-)
 from taichi_erosion.scene.schema.conditions import Conditions
 from taichi_erosion.scene.schema.fields import (
     FASTEST,
@@ -75,16 +67,18 @@ class Run(Section):
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
     seed: int = number(1, "1", "seed of the first replica; the next take the next integers", 0, 2**62)
-    precision: Precision = Field(default="f32", description="floating-point type of forces and velocities")
+    precision: setup.Precision = Field(
+        default="f32", description="floating-point type of forces and velocities"
+    )
     time_step: float | None = number(None, "s", "time step; left out: time_step_fraction", SHORTEST, 1.0)
     time_step_fraction: float = number(0.2, "1", "time step over the Rayleigh time", 1e-4, 10.0)
     force_time_step: bool = Field(default=False, description="accept more than 0.3 Rayleigh times")
     check_interval: float = number(1e-3, "s", "simulated time between guards and rest checks", 1e-9, 10.0)
     skin: float = number(
-        Setup.skin, "1", "least margin of the neighbour list over the grain radius", 1e-3, 1.0
+        setup.Setup.skin, "1", "least margin of the neighbour list over the grain radius", 1e-3, 1.0
     )
     overlap_limit: float = number(
-        Setup.overlap_limit, "1", "overlap over the smaller radius that stops the run", 1e-4, 1.0
+        setup.Setup.overlap_limit, "1", "overlap over the smaller radius that stops the run", 1e-4, 1.0
     )
 
 
@@ -98,23 +92,23 @@ class Gravity(Section):
 class LawChoice(Section):
     """Law in every contact slot; the defaults are those of core.setup.Laws."""
 
-    normal: NormalLaw = Field(default=Laws.normal, description="normal force")
-    adhesion_branch: AdhesionBranch = Field(
-        default=Laws.adhesion_branch,
+    normal: setup.NormalLaw = Field(default=setup.Laws.normal, description="normal force")
+    adhesion_branch: setup.AdhesionBranch = Field(
+        default=setup.Laws.adhesion_branch,
         description=(
             "where adhesion acts: touch, from zero overlap until the neck tears, as in LAMMPS; "
             "edem, on approach too, wherever a neck can exist, as in EDEM"
         ),
     )
-    friction_cap: FrictionCap = Field(
-        default=Laws.friction_cap,
+    friction_cap: setup.FrictionCap = Field(
+        default=setup.Laws.friction_cap,
         description=(
             "normal force that limits friction under adhesion: thornton, |F + 6 pi gamma R*|, as in LAMMPS; "
             "edem, the repulsive part 4 E* a^3 / (3 R*)"
         ),
     )
-    rolling: RollingLaw = Field(
-        default=Laws.rolling, description="rolling resistance: none, type A, type C (Ai et al. 2011)"
+    rolling: setup.RollingLaw = Field(
+        default=setup.Laws.rolling, description="rolling resistance: none, type A, type C (Ai et al. 2011)"
     )
 
 
