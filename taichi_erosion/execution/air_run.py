@@ -15,13 +15,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.execution import RunOptions
+from taichi_erosion.execution import result as results
 from taichi_erosion.execution.checks import read_air_scene
-from taichi_erosion.execution.result import (
-    record_of,
-    refuse_unwritable_outputs,
-    run_document,
-    write_document_or_warn,
-)
 from taichi_erosion.execution.scene_run import deferred_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool
@@ -62,8 +57,8 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
-    record = record_of(path, scene, first, options)
-    refuse_unwritable_outputs(path, options, record)
+    record = results.record_of(path, scene, first, options)
+    results.refuse_unwritable_outputs(path, options, record)
     arch = "cuda" if options.arch == "cuda" else "cpu"
     threads = start_device(Numerics(arch, options.threads, "f64"))
     run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
@@ -136,7 +131,7 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         }
         for seed, measurements in zip(run.seeds, measured, strict=True)
     ]
-    return run_document(
+    return results.run_document(
         path,
         scene,
         replicas,
@@ -158,4 +153,4 @@ def finish_recording(recording: stream.Recording, document: dict[str, Any]) -> N
         document["recording"] = str(stream.close(recording, {"result": result, "scene": scene}))
     except BadInput as error:
         document["replicas"][0]["warnings"].insert(0, str(error))
-    write_document_or_warn(recording.path, document)
+    results.write_document_or_warn(recording.path, document)

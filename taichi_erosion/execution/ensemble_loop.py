@@ -8,31 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from taichi_erosion import simulation
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.execution import Report
-from taichi_erosion.execution.stages import (
-    ROUNDING,
-    ReplicaState,
-    begin_stage,
-    lifting_energy,
-    measure_stage,
-    note_removed,
-    settle_air,
-    stage_is_over,
-    store_frame,
-    tilt_gravity,
-)
+from taichi_erosion.execution import Report, stages
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    energies,
-    failure,
-    removed_spheres,
-    snapshot,
-    statuses,
-)
+from taichi_erosion.simulation import Simulation
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
@@ -75,7 +56,7 @@ class EnsembleRun:
 
     scenes: list[Scene]  # by replica
     sim: Simulation
-    states: list[ReplicaState]  # by replica
+    states: list[stages.ReplicaState]  # by replica
     repeats: bool = False  # of one scene: what its last stage measures is taken in one window for all
     holds: bool = False  # a stage lasts until the caller begins the next one
     checks: int = 0  # check intervals done
@@ -84,7 +65,7 @@ class EnsembleRun:
     lifting_energies: Floats = field(init=False)  # J, by replica; see `lifting_energy`
 
     def __post_init__(self) -> None:
-        self.lifting_energies = np.array([lifting_energy(setup) for setup in self.sim.setups])
+        self.lifting_energies = np.array([stages.lifting_energy(setup) for setup in self.sim.setups])
 
     @property
     def check_interval(self) -> float:
@@ -102,7 +83,7 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
     sim = ensemble.sim
     for replica, state in enumerate(ensemble.states):
         if state.stage < 0:
-            begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
+            stages.begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
     while any(state.active for state in ensemble.states):
         run_interval(ensemble)
         for callback in callbacks:
@@ -110,59 +91,59 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
     if ensemble.repeats:
         scene = ensemble.scenes[0]
         ended = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
-        measure_stage(sim, scene, len(scene.stages) - 1, ended)
+        stages.measure_stage(sim, scene, len(scene.stages) - 1, ended)
 
 
 def run_interval(ensemble: EnsembleRun) -> None:
     """Advance all active replicas to the next check, and check them."""
     sim, interval = ensemble.sim, ensemble.check_interval
     target = (ensemble.checks + 1) * interval
-    advance(sim, [target if state.active else 0.0 for state in ensemble.states])
+    simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
     ensemble.checks += 1
-    ensemble.sums = energies(sim)
+    ensemble.sums = simulation.energies(sim)
     running = np.array([state.active for state in ensemble.states])
-    stopped, removed = statuses(sim) != Status.RUNNING, removed_spheres(sim)
+    stopped, removed = simulation.statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
     steps = interval / np.array([setup.time_step for setup in sim.setups])
     ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
     for replica, state in enumerate(ensemble.states):
         if state.active:
-            state.failure = failure(sim, replica) if stopped[replica] else None
-            note_removed(sim, replica, state, ensemble.time, removed[replica])
+            state.failure = simulation.failure(sim, replica) if stopped[replica] else None
+            stages.note_removed(sim, replica, state, ensemble.time, removed[replica])
             check_replica(ensemble, replica, state)
 
 
-def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> None:
+def check_replica(ensemble: EnsembleRun, replica: int, state: stages.ReplicaState) -> None:
     """Sanity checks, then tilt, frames and the end of the stage."""
     sim, scene, now = ensemble.sim, ensemble.scenes[replica], ensemble.time
     state.failure = state.failure or energy_failure(ensemble, replica, state)
     if state.failure is not None:
         return
-    tilt_gravity(sim, scene, replica, state, now)
-    store_frame(sim, scene, replica, state, now)
-    settle_air(sim, scene.stages[state.stage], replica)
+    stages.tilt_gravity(sim, scene, replica, state, now)
+    stages.store_frame(sim, scene, replica, state, now)
+    stages.settle_air(sim, scene.stages[state.stage], replica)
     if ensemble.holds:
         return
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
-    if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
+    if stages.stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = count_failure(sim, replica, now)
         if state.failure is None:
             if not ensemble.repeats or state.stage + 1 < len(scene.stages):
-                measure_stage(sim, scene, state.stage, {replica: state})
-            begin_stage(sim, scene, replica, state, now)
+                stages.measure_stage(sim, scene, state.stage, {replica: state})
+            stages.begin_stage(sim, scene, replica, state, now)
 
 
-def energy_failure(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> Failure | None:
+def energy_failure(ensemble: EnsembleRun, replica: int, state: stages.ReplicaState) -> Failure | None:
     """Failure where mechanical energy grew although nothing did work on the grains.
 
     Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum
     does not hold; there the check is off.
     """
     translation, rotation, potential, elastic, _, released = ensemble.sums[replica]
-    sim, stages = ensemble.sim, ensemble.scenes[replica].stages
+    sim, begun = ensemble.sim, ensemble.scenes[replica].stages[: state.stage + 1]
     now = float(translation + rotation + potential + elastic)
     before = state.energy if released == state.released else None
     state.released = int(released)
-    moving = any(stage.move for stage in stages[: state.stage + 1])  # one may still move
+    moving = any(stage.move for stage in begun)  # one may still move
     driven = sim.laws.normal == "jkr" or sim.world.driven or sim.world.pair_effects.any
     state.energy = None if moving or driven else now
     if before is None or state.energy is None:
@@ -179,7 +160,7 @@ def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
     The grains must be the released rows of the GrainTable, each once, with their masses, without those that
     were counted when they left the domain.
     """
-    state, table = snapshot(sim, replica), sim.setups[replica].grains
+    state, table = simulation.snapshot(sim, replica), sim.setups[replica].grains
     missing = np.setdiff1d(np.arange(len(state.ident) + state.removed), state.ident)
     if len(missing) != state.removed:
         return Failure(Status.COUNT, time, int([*missing, -1][0]), -1, float(len(missing) - state.removed))
@@ -210,4 +191,4 @@ def report_progress(report: Report, ensemble: EnsembleRun) -> None:
             shares.append((sum(limits[: state.stage]) + within) / sum(limits))
             names.append(scene.stages[state.stage].name)
     name, share = (names[0], min(shares)) if names else ("measuring", 1.0)
-    report(share * (1.0 - ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")
+    report(share * (1.0 - stages.ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")

@@ -26,17 +26,9 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.execution import checks
+from taichi_erosion.execution import recorder as recorders
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_interval
 from taichi_erosion.execution.observables import measure
-from taichi_erosion.execution.recorder import (
-    Recorder,
-    log_frame,
-    meshes_of,
-    open_recorder,
-    present_walls,
-    resting_speed,
-    side_view,
-)
 from taichi_erosion.execution.result import apply_instruments
 from taichi_erosion.execution.scene_run import scene_text
 from taichi_erosion.execution.stages import (
@@ -364,14 +356,16 @@ def session_status(session: Session) -> dict[str, float | int | str]:
 
 def walls_now(session: Session) -> tuple[WallMesh, ...]:
     """The walls that stand, where they are."""
-    return present_walls(meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
+    return recorders.present_walls(recorders.meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
 
 
 def write_picture(session: Session, path: Path) -> Path:
     """Write the grains seen from the side as PNG. Raises BadInput where a foreign file has the name."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
-    speeds = resting_speed(setup), stream.FASTEST_COLOUR
-    return write_file(session, path, png_bytes(film_frame(now, side_view(setup), walls_now(session), speeds)))
+    speeds = recorders.resting_speed(setup), stream.FASTEST_COLOUR
+    return write_file(
+        session, path, png_bytes(film_frame(now, recorders.side_view(setup), walls_now(session), speeds))
+    )
 
 
 def write_file(session: Session, path: Path, picture: bytes) -> Path:
@@ -392,11 +386,11 @@ def write_script(session: Session, path: Path) -> Path:
     return write_atomic(path, marked_toml(path, session.path, text))
 
 
-def record_session(session: Session, path: Path) -> Recorder:
+def record_session(session: Session, path: Path) -> recorders.Recorder:
     """Begin a recording of the session. Raises BadInput."""
     text = scene_text(session.path, session.overrides)
     title = f"{session.scene.scene.title or session.path.stem}, live"
-    recorder = open_recorder(path, title, text, session.sim, session.scene, 0)
+    recorder = recorders.open_recorder(path, title, text, session.sim, session.scene, 0)
     session.callbacks.append(lambda now: log_session_frame(recorder, now))
     return recorder
 
@@ -407,12 +401,12 @@ def unused_name(path: Path) -> Path:
     return next(free for free in chain([path], names) if not free.exists())
 
 
-def log_session_frame(recorder: Recorder, session: Session) -> None:
+def log_session_frame(recorder: recorders.Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
     now = whole_intervals(session.time, recorder.interval) + 1
     recorder.is_rewritten |= now < recorder.frames
     if now != recorder.frames:
-        log_frame(recorder, session.sim, session.scene)
+        recorders.log_frame(recorder, session.sim, session.scene)
         recorder.frames = now
 
 

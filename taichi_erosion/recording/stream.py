@@ -30,17 +30,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot, Totals
+from taichi_erosion.recording import blueprint as blueprints
 from taichi_erosion.recording import pictures, rr, rrb
-from taichi_erosion.recording.blueprint import (
-    MAGNIFICATION,
-    TIMELINE,
-    WIND_KINDS,
-    Focus,
-    blueprint,
-    choose_focus,
-    grain_view,
-    with_time_panel,
-)
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 APPLICATION = "taichi_erosion"
@@ -156,11 +147,13 @@ def open_stream(path: Path, name: str, layout: "rrb.Blueprint", application: str
 
 def open_recording(path: Path, header: RunHeader) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
-    focus = choose_focus(header.kind, header.radii, header.walls)
-    layout = blueprint(header.kind, focus, header.contacts, header.fields)
+    focus = blueprints.choose_focus(header.kind, header.radii, header.walls)
+    layout = blueprints.blueprint(header.kind, focus, header.contacts, header.fields)
     recording = open_stream(path, header.name, layout)
     log_scene(recording, header.name, header.scene_text)
-    for entity, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
+    for entity, (legend, colour) in (
+        CURVES | (TRANSPORT if header.kind in blueprints.WIND_KINDS else {})
+    ).items():
         log_legend(recording, entity, legend, colour)
     set_time(recording, 0.0, 0)
     log_space(recording, header.walls, focus)
@@ -173,10 +166,10 @@ def open_view(kind: str, radii: Floats, walls: tuple[WallMesh, ...]) -> tuple[Re
 
     Its time is the number of the frame: a session that returns to an earlier time goes on there.
     """
-    focus = choose_focus(kind, radii, walls)
+    focus = blueprints.choose_focus(kind, radii, walls)
     recording = Recording(Path(), rr.RecordingStream(APPLICATION))
     out = recording.stream.binary_stream()
-    recording.stream.send_blueprint(with_time_panel(grain_view(focus), timeline=FRAME))
+    recording.stream.send_blueprint(blueprints.with_time_panel(blueprints.grain_view(focus), timeline=FRAME))
     recording.stream.set_log_time_enabled(False)
     recording.stream.set_log_tick_enabled(False)
     recording.stream.set_time(FRAME, sequence=0)
@@ -195,16 +188,16 @@ def log_view(recording: Recording, frame: int, snapshot: Snapshot, colours: NDAr
     recording.stream.log(GRAINS, points)
 
 
-def log_space(recording: Recording, walls: tuple[WallMesh, ...], focus: Focus) -> None:
+def log_space(recording: Recording, walls: tuple[WallMesh, ...], focus: blueprints.Focus) -> None:
     """Write directions, the unit of length, walls and a scale bar."""
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
+    recording.stream.log("world", rr.Transform3D(scale=blueprints.MAGNIFICATION), static=True)
     for wall in walls:
         log_wall(recording, wall)
     log_scale(recording, "world/scale", focus)
 
 
-def log_scale(recording: Recording, entity: str, focus: Focus) -> None:
+def log_scale(recording: Recording, entity: str, focus: blueprints.Focus) -> None:
     """Write a scale bar with its length, on the ground in front of what the camera frames; static."""
     length = 1e-3 * pictures.scale_length(1e3 * SCALE_SHARE * focus.radius)
     x, y, z = focus.centre[0], focus.centre[1] - focus.radius, max(focus.centre[2] - focus.radius, 0.0)
@@ -239,7 +232,7 @@ def log_legend(recording: Recording, entity: str, legend: str, colour: pictures.
 
 def set_time(recording: Recording, time: float, step: int) -> None:
     """Set time [s] and step of everything logged from here on."""
-    recording.stream.set_time(TIMELINE, duration=time)
+    recording.stream.set_time(blueprints.TIMELINE, duration=time)
     recording.stream.set_time("step", sequence=step)
 
 
