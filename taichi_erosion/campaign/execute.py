@@ -21,8 +21,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
-from taichi_erosion.campaign import pool as pools
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished_runs
+from taichi_erosion.campaign.pool import (
+    Batch,
+    FinishedBatch,
+    Pool,
+    join_cluster,
+    refuse_missing_devices,
+    start_pool,
+)
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, usable_cores
@@ -60,7 +67,7 @@ class Campaign:
 
     requests: dict[str, RunRequest]  # by key
     ledger: Ledger
-    pool: pools.Pool
+    pool: Pool
     progress: Report | None
     work: float  # grain-steps of the runs that did not stand in the ledger
     begun: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
@@ -88,11 +95,11 @@ def execute(
     if remaining := unfinished_runs(ledger, list(by_key)):
         archs: set[Arch] = {by_key[key].arch for key in remaining if by_key[key].arch != "cpu"}
         if scheduler:
-            pool = pools.join_cluster(function, ledger.folder, scheduler)
+            pool = join_cluster(function, ledger.folder, scheduler)
         else:
-            pools.refuse_missing_devices(archs)
+            refuse_missing_devices(archs)
             count = 1 if archs else min(len(remaining), workers or usable_cores())
-            pool = pools.start_pool(function, ledger.folder, count)
+            pool = start_pool(function, ledger.folder, count)
         campaign = Campaign(by_key, ledger, pool, progress, sum(by_key[key].work for key in remaining))
         try:
             while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
@@ -123,12 +130,12 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
         batch = [request for request in batch if request.key in leased]
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
-            campaign.pool.submit(pools.Batch(keys, payloads))
+            campaign.pool.submit(Batch(keys, payloads))
             whole = sum(request.work for request in batch)
             campaign.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def enter_batch(campaign: Campaign, ended: pools.FinishedBatch) -> None:
+def enter_batch(campaign: Campaign, ended: FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
     ledger, keys = campaign.ledger, ended.batch.keys
     for place, record in ended.records:

@@ -59,15 +59,15 @@ def places(record: Record) -> list[tuple[str, str]]:
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
     fails = failing(record)
-    panels = []
+    pairs = []
     for place in ranked:
-        if place in fails or place.observable not in {name for name, _ in panels}:
-            panels.append((place.observable, place.axis))
+        if place in fails or place.observable not in {name for name, _ in pairs}:
+            pairs.append((place.observable, place.axis))
     most = max(conditions, key=lambda name: np.unique(conditions[name]).size, default="")
     rest = [
-        name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in panels}
+        name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in pairs}
     ]
-    return [*panels, *((name, most) for name in rest)]
+    return [*pairs, *((name, most) for name in rest)]
 
 
 def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:

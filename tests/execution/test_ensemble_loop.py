@@ -83,10 +83,10 @@ def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
 
 def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
     sim = assemble([heap(20, 1)], Laws(), Numerics("cpu", 1))
-    state, found = ensemble_loop.snapshot(sim, 0), []
+    state, found = ensemble_loop.simulation.snapshot(sim, 0), []
     for damage, _ in DAMAGES:
         changed = replace(state, **damage(state))
-        monkeypatch.setattr(ensemble_loop, "snapshot", lambda *place, changed=changed: changed)
+        monkeypatch.setattr(ensemble_loop.simulation, "snapshot", lambda *place, changed=changed: changed)
         found.append(count_failure(sim, 0, 0.002))
     stop_device()
     assert [end and end.status for end in found] == [status for _, status in DAMAGES]

@@ -13,8 +13,8 @@ from taichi_erosion.cli import live as terminal
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Motion
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.execution import ensemble_loop
 from taichi_erosion.execution import session as live
+from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.recorder import present_walls
 from taichi_erosion.measures.wind_bed import flux_of
@@ -60,7 +60,7 @@ def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
 
 def test_air_without_inertia_settles_at_every_check_of_its_stage(session, monkeypatch) -> None:
     settled = []
-    monkeypatch.setattr(ensemble_loop, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
+    monkeypatch.setattr(stages, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
     live.run_for(session, 2.0 * session.scene.run.check_interval)
     assert settled == [session.scene.stages[0].name] * 2
 
