@@ -19,17 +19,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.execution import Report
 from taichi_erosion.execution.checks import read_scene
+from taichi_erosion.experiments import fit as fits
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design import Design, design_text
-from taichi_erosion.experiments.fit import (
-    Fit,
-    coded_polynomial,
-    equation,
-    natural_polynomial,
-    overfit_warning,
-    quality,
-    term_label,
-)
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.scene import resolve, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
@@ -176,16 +168,16 @@ def path_document(design: Design) -> Document:
     return {"rows": rows}
 
 
-def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
+def effect_document(fit: fits.Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
     bent = curvature(fit)
     effect_list, limits = calculate.screened_effects(fit)
     ordered = sorted(effect_list, key=lambda effect: -abs(effect.value))
     return {
-        "effects": [asdict(effect) | {"label": term_label(effect.name, labels)} for effect in ordered],
+        "effects": [asdict(effect) | {"label": fits.term_label(effect.name, labels)} for effect in ordered],
         "limits": asdict(limits),
         "curvature": None if bent is None else asdict(bent),
-        "quality": asdict(quality(fit)),
+        "quality": asdict(fits.quality(fit)),
     }
 
 
@@ -195,13 +187,13 @@ def surface_document(surface: ResponseSurface, labels: Mapping[str, str]) -> Doc
     for name, full in surface.full.items():
         smaller = surface.fits[name]
         document[name] = {
-            "anova": [asdict(row) | {"label": term_label(row.source, labels)} for row in anova(full)],
-            "quality": asdict(quality(full)),
-            "quality_reduced": asdict(quality(smaller)),
-            "coded": equation(full, coded_polynomial(full)),
-            "coded_reduced": equation(smaller, coded_polynomial(smaller)),
-            "natural_reduced": equation(smaller, natural_polynomial(smaller)),
-            "warning": overfit_warning(smaller),
+            "anova": [asdict(row) | {"label": fits.term_label(row.source, labels)} for row in anova(full)],
+            "quality": asdict(fits.quality(full)),
+            "quality_reduced": asdict(fits.quality(smaller)),
+            "coded": fits.equation(full, fits.coded_polynomial(full)),
+            "coded_reduced": fits.equation(smaller, fits.coded_polynomial(smaller)),
+            "natural_reduced": fits.equation(smaller, fits.natural_polynomial(smaller)),
+            "warning": fits.overfit_warning(smaller),
         }
     return {"ranges": {f.path: (f.low, f.high) for f in surface.design.factors}, "responses": document}
 

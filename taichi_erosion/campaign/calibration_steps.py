@@ -33,19 +33,9 @@ from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.execution import Report
+from taichi_erosion.experiments import design as designs
 from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, eliminate_backward
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
-from taichi_erosion.experiments.design import (
-    SAME_POINT,
-    Design,
-    Factor,
-    box_behnken,
-    central_composite,
-    latin_hypercube,
-    plackett_burman,
-    stack_parts,
-    steepest_path,
-)
 from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfit_warning
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
@@ -77,7 +67,7 @@ class DesignRunner:
     runs: list[DesignRun] = field(default_factory=list)
 
 
-def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
+def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> designs.Design:
     """The design with the values of all targets; NaN where a run gave none."""
     file, report = runner.file, runner.progress
     first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
@@ -139,7 +129,7 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
 
     With a centre: the same model on the corners alone, its error that of the model with the curvature.
     """
-    corner = np.any(np.abs(fit.coded) > SAME_POINT, axis=1)
+    corner = np.any(np.abs(fit.coded) > designs.SAME_POINT, axis=1)
     bent = curvature(fit)
     part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
     if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
@@ -151,16 +141,16 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
 class Screening:
     """The screening, its linear models by target, and the factors that go on, largest effect first."""
 
-    design: Design
+    design: designs.Design
     fits: dict[str, Fit]
-    kept: tuple[Factor, ...]
+    kept: tuple[designs.Factor, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Climb:
     """The path, and its best row."""
 
-    design: Design
+    design: designs.Design
     best: int
 
 
@@ -168,16 +158,16 @@ class Climb:
 class ResponseSurface:
     """The surface design, its full quadratic models by target, and those models reduced."""
 
-    design: Design
+    design: designs.Design
     full: dict[str, Fit]
     fits: dict[str, Fit]
 
 
-def screening_design(file: CalibrationStudy) -> Design:
+def screening_design(file: CalibrationStudy) -> designs.Design:
     """Plackett-Burman design in all parameters of the study, in random order."""
     study = file.study
-    factors = [Factor(path, p.low, p.high, p.unit) for path, p in study.parameters.items()]
-    return plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
+    factors = [designs.Factor(path, p.low, p.high, p.unit) for path, p in study.parameters.items()]
+    return designs.plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
 
 
 def screen(runner: DesignRunner) -> Screening:
@@ -202,7 +192,7 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
     upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
-    design = steepest_path(
+    design = designs.steepest_path(
         screening.kept,
         slopes(fit)[[fit.factors.index(factor) for factor in screening.kept]],
         steps=study.design.climb_steps + 1,
@@ -216,14 +206,14 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
     return Climb(design, int(np.nanargmin(distance)))
 
 
-def centre_value(design: Design, name: str, otherwise: float) -> float:
+def centre_value(design: designs.Design, name: str, otherwise: float) -> float:
     """Mean response of the centre points, where the path begins; a curved surface lies far from its plane."""
     finite = design.responses[name][np.array(design.kinds) == "centre"]
     finite = finite[np.isfinite(finite)]
     return float(finite.mean()) if len(finite) else otherwise
 
 
-def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[Factor]:
+def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[designs.Factor]:
     """Ranges around the best point of the climb, moved where they would leave the limits."""
     study = runner.file.study
     factors = []
@@ -231,25 +221,25 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
         low, high = study.parameters[factor.path].limits
         half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
         middle = float(np.clip(level, low + half, high - half))
-        factors.append(Factor(factor.path, middle - half, middle + half, factor.unit))
+        factors.append(designs.Factor(factor.path, middle - half, middle + half, factor.unit))
     return factors
 
 
-def surface_design(file: CalibrationStudy, factors: Sequence[Factor]) -> Design:
+def surface_design(file: CalibrationStudy, factors: Sequence[designs.Factor]) -> designs.Design:
     """The study's choice of a design over these ranges, in random order."""
     sizes, seed = file.study.design, file.study.study.seed
     if sizes.surface == "latin_hypercube":
-        return latin_hypercube(factors, sizes.hypercube_runs, seed, sizes.surface_centre)
+        return designs.latin_hypercube(factors, sizes.hypercube_runs, seed, sizes.surface_centre)
     if sizes.surface == "central_composite":
-        return central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
-    return box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
+        return designs.central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
+    return designs.box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
 
 
-def refuse_star_outside_limits(file: CalibrationStudy, design: Design) -> None:
+def refuse_star_outside_limits(file: CalibrationStudy, design: designs.Design) -> None:
     """Raise BadInput for a point beyond a parameter's limits, rounding apart."""
     for factor, levels in zip(design.factors, design.natural.T, strict=True):
         low, high = file.study.parameters[factor.path].limits
-        slack = SAME_POINT * factor.half
+        slack = designs.SAME_POINT * factor.half
         for level, side, bound in ((levels.min(), "below", low), (levels.max(), "above", high)):
             if not low - slack <= level <= high + slack:
                 raise BadInput(
@@ -258,7 +248,7 @@ def refuse_star_outside_limits(file: CalibrationStudy, design: Design) -> None:
                 )
 
 
-def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> ResponseSurface:
+def fit_response_surface(runner: DesignRunner, factors: list[designs.Factor]) -> ResponseSurface:
     """Run the design of the surface and fit its quadratics."""
     planned = surface_design(runner.file, factors)
     refuse_star_outside_limits(runner.file, planned)
@@ -282,11 +272,11 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
 
 def confirm_optimum(
     runner: DesignRunner, surface: ResponseSurface, optimisation: Optimisation
-) -> tuple[Design, dict[str, Confirmation]]:
+) -> tuple[designs.Design, dict[str, Confirmation]]:
     """Fresh seeds at the most certain optimum, and their tests against the measurements."""
     study = runner.file.study
     points = np.tile(optimisation.optima[0].coded, (study.design.confirm, 1))
-    planned = stack_parts("confirmation", surface.design.factors, [("added", points)])
+    planned = designs.stack_parts("confirmation", surface.design.factors, [("added", points)])
     design = run_design(runner, "confirm", planned)
     tests = {
         name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))

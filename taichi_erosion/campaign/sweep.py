@@ -93,9 +93,7 @@ def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
     sd = (
         float(numbers.std(ddof=1))
         if len(values) > 1
-        else nan
-        if not values or values[0][1] is None
-        else values[0][1]
+        else next((sd for _, sd in values if sd is not None), nan)
     )
     unit, mean = next((one["unit"] for one in measures if one), ""), float(numbers.mean()) if values else nan
     return SweepPoint(entry, name, mean, sd, unit, len(values), "; ".join(dict.fromkeys(filter(None, notes))))

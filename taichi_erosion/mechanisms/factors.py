@@ -7,13 +7,7 @@ from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Probe
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import (
-    sample_scene,
-    with_contacts,
-    with_grain_material,
-    with_section,
-    with_shorter_step,
-)
+from taichi_erosion.scene import change as changes
 from taichi_erosion.scene.schema.grains import Contact, Material
 
 Change = Callable[[Scene, float], Scene]  # (scene, factor) -> changed scene
@@ -41,7 +35,7 @@ def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) ->
     def change(contact: Contact) -> Contact:
         return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
 
-    return with_contacts(scene, change, walls)
+    return changes.with_contacts(scene, change, walls)
 
 
 def change_rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
@@ -64,14 +58,14 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
         return contact.model_copy(update={"friction_rolling": 0.0})
 
     if bare:
-        with_law = with_section(scene, "laws", rolling="elastic_plastic")
-        scene = with_contacts(with_law, free, not walls)
-    return with_contacts(scene, change, walls)
+        with_law = changes.with_section(scene, "laws", rolling="elastic_plastic")
+        scene = changes.with_contacts(with_law, free, not walls)
+    return changes.with_contacts(scene, change, walls)
 
 
 def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:
     """Checks of every factor of contacts; then of the bound of restitution, or of a law of rolling."""
-    bare, rough = sample_scene(), sample_scene(laws={"rolling": "constant_torque"})
+    bare, rough = changes.sample_scene(), changes.sample_scene(laws={"rolling": "constant_torque"})
     chosen, other = SAMPLE_PAIRS[walls], SAMPLE_PAIRS[not walls]
     before = {pair: getattr(contact, entry) for pair, contact in rough.contact.items()}
 
@@ -96,16 +90,16 @@ def with_stress(scene: Scene, factor: float) -> Scene:
     """The scene with more or less stress on its patch."""
     if scene.wind is None:
         return scene
-    return with_section(scene, "wind", partition=scene.wind.partition * factor**0.5)
+    return changes.with_section(scene, "wind", partition=scene.wind.partition * factor**0.5)
 
 
 def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
-    windy = sample_scene(wind={"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5})
+    windy = changes.sample_scene(wind={"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5})
 
     def partition(dose: float, strength: float = 1.0) -> float:
         return probe(params(dose=dose), {}, scene=windy, strength=strength).wind.partition
 
-    still = sample_scene()
+    still = changes.sample_scene()
     yield Check("a dose of -0.36 leaves 0.8 of u*", partition(-0.36), 0.4)
     yield Check(HALF, partition(-0.72, 0.5), 0.4)
     yield Check("a dose of 0.44 is 1.2 times u*", partition(0.44), 0.6)
@@ -119,11 +113,11 @@ def with_material(entry: str, power: float, scene: Scene, factor: float) -> Scen
         name = entry if getattr(material, entry) is not None else "shear_modulus"
         return material.model_copy(update={name: factor * getattr(material, name)})
 
-    return with_shorter_step(with_grain_material(scene, change), factor**power)
+    return changes.with_shorter_step(changes.with_grain_material(scene, change), factor**power)
 
 
 def material_checks(entry: str, power: float, dose: float, params: Any, probe: Probe) -> Iterator[Check]:
-    before = sample_scene()
+    before = changes.sample_scene()
 
     def got(name: str, strength: float = 1.0) -> float:
         scene = probe(params(dose=dose), {}, scene=before, strength=strength)

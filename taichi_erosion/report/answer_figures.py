@@ -64,9 +64,7 @@ def places(record: Record) -> list[tuple[str, str]]:
         if place in fails or place.observable not in {name for name, _ in pairs}:
             pairs.append((place.observable, place.axis))
     most = max(conditions, key=lambda name: np.unique(conditions[name]).size, default="")
-    rest = [
-        name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in pairs}
-    ]
+    rest = [name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in pairs}]
     return [*pairs, *((name, most) for name in rest)]
 
 
