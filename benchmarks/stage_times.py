@@ -49,14 +49,7 @@ def one_exchange(world_out: ti.template(), coupling_out: ti.template()):
 
 
 @ti.kernel
-def repeat(
-    # parameters
-    stage: ti.template(),
-    repeats: ti.i32,
-    # out
-    world_out: ti.template(),
-    coupling_out: ti.template(),
-):
+def repeat(stage: ti.template(), repeats: ti.i32, world_out: ti.template(), coupling_out: ti.template()):
     """Writes `coupling_out`: what `stage` writes.
     Writes `world_out`: what `stage` writes.
     """
@@ -75,12 +68,7 @@ STAGES: dict[str, Any] = {
 
 
 @ti.kernel
-def copy_numbers(
-    # in
-    numbers: ti.template(),
-    # out
-    copy_out: ti.template(),
-):
+def copy_numbers(numbers: ti.template(), copy_out: ti.template()):
     for n in range(numbers.shape[0]):
         copy_out[n] = numbers[n]
 

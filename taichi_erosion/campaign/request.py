@@ -115,13 +115,13 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
     if device.arch == "cpu" and device.decomposition != "grains":  # and no compiler is imported
         return Numerics("cpu", THREADS, scene.run.precision, device.decomposition)
     from taichi_erosion.execution.scene_run import arch_of
-    from taichi_erosion.simulation.capacities import refuse_grids
+    from taichi_erosion.simulation.capacities import refuse_by_grain
 
     on_grid = scene.wind is not None and scene.wind.columns != (1, 1)
     # as many grains as a full batch has: the answer must not hang on how many runs wait
     arch = arch_of(device.arch, device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
-    refuse_grids(on_grid and numerics.by_grain)
+    refuse_by_grain(grids=on_grid and numerics.by_grain)
     return numerics
 
 

@@ -33,8 +33,7 @@ from taichi_erosion.simulation.capacities import (
     initial_capacities,
     padded_with_copies,
     partition_count,
-    refuse_grids,
-    refuse_servos,
+    refuse_by_grain,
     refuse_too_large,
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
@@ -166,23 +165,16 @@ def check_mixture(setups: list[Setup]) -> None:
         raise BadInput("air and grain effects act on single spheres; leave grains.clump out")
 
 
-def check_setups(setups: Sequence[Setup]) -> list[Setup]:
-    """Setups of an ensemble as a list. Raises BadInput for what cannot run."""
-    listed = list(setups)
-    check_mixture(listed)
-    return listed
-
-
 def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """Start the device and put an ensemble on it.
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed = check_setups(setups)
+    listed = list(setups)
+    check_mixture(listed)
     capacities = initial_capacities(listed, numerics.by_grain)
     if numerics.by_grain:
-        refuse_grids(has_grids(listed))
-        refuse_servos(has_servos(listed))
+        refuse_by_grain(has_grids(listed), has_servos(listed))
         refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"

@@ -15,7 +15,7 @@ from taichi_erosion.coupling.coupling_state import upload_exchange_settings
 from taichi_erosion.simulation.assemble import (
     Simulation,
     assemble,
-    check_setups,
+    check_mixture,
     release_start,
     upload_setups,
 )
@@ -31,7 +31,8 @@ def reuse_or_assemble(
 
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
-    listed = check_setups(setups)
+    listed = list(setups)
+    check_mixture(listed)
     if before is None or not is_reusable(before, listed, laws, numerics):
         return assemble(listed, laws, numerics)
     for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):

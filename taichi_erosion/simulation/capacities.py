@@ -145,16 +145,12 @@ def has_servos(setups: Sequence[Setup]) -> bool:
     return any(setup.has_servos for setup in setups)
 
 
-def refuse_servos(present: bool) -> None:
-    """Raise BadInput for servos with one thread per grain: forces on walls are summed in partitions only."""
-    if present:
-        raise BadInput(f"one thread per grain has no walls under a constant force or torque; {REMEDY}")
-
-
-def refuse_grids(present: bool) -> None:
-    """Raise BadInput for grids of air with one thread per grain: their kernels exist for partitions only."""
-    if present:
+def refuse_by_grain(grids: bool, servos: bool = False) -> None:
+    """Raise BadInput for what has kernels for partitions only: grids of air, and walls that servos move."""
+    if grids:
         raise BadInput(f"{GRIDS}; {REMEDY}")
+    if servos:
+        raise BadInput(f"one thread per grain has no walls under a constant force or torque; {REMEDY}")
 
 
 def refuse_too_large(capacities: Capacities) -> None:

@@ -23,10 +23,7 @@ def test_drag_is_that_of_its_published_law(start_device, law: str):
 
     @ti.kernel
     def evaluate(
-        # in
-        table: ti.types.ndarray(dtype=ti.f64, ndim=2),
-        # out
-        force_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
+        table: ti.types.ndarray(dtype=ti.f64, ndim=2), force_out: ti.types.ndarray(dtype=ti.f64, ndim=1)
     ):
         for i in range(table.shape[0]):
             slip, radius, void = table[i, 0], 0.5 * table[i, 1], table[i, 2]

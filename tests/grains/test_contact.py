@@ -25,12 +25,10 @@ OVERLAP = 2e-6  # m
 
 @ti.kernel
 def evaluate(
-    # in
     laws: ti.template(),
     materials: ti.template(),
     overlaps: ti.types.ndarray(dtype=ti.f64, ndim=1),
     displacements: ti.types.ndarray(dtype=ti.f64, ndim=1),
-    # out
     found_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
     for n in range(overlaps.shape[0]):
@@ -109,12 +107,7 @@ MATERIALS = 4
 
 
 @ti.kernel
-def write_rows(
-    # in
-    materials: ti.template(),
-    # out
-    rows_out: ti.types.ndarray(dtype=ti.i32, ndim=2),
-):
+def write_rows(materials: ti.template(), rows_out: ti.types.ndarray(dtype=ti.i32, ndim=2)):
     for i, j in ti.ndrange(materials.count, materials.count):
         rows_out[i, j] = device_row(materials, REPLICA, i, j)
 
