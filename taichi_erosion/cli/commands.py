@@ -132,17 +132,12 @@ def run(
         Whole, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
     ] = None,
     precision: Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")] = None,
-    record: Annotated[File, Option("--record", metavar="FILE", help="Recording to write (.rrd).")] = None,
+    record: Annotated[File, Option(metavar="FILE", help="Recording to write (.rrd).")] = None,
     no_record: Annotated[bool, Option("--no-record", help="Write no recording.")] = False,
-    checkpoint: Annotated[
-        File, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
-    ] = None,
-    every: Annotated[
-        float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")
-    ] = None,
+    checkpoint: Annotated[File, Option(metavar="FILE", help="File for the saved state.")] = None,
+    every: Annotated[float | None, Option(metavar="T", help="Simulated seconds between saves.")] = None,
     resume: Annotated[
-        File,
-        Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
+        File, Option(metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False)
     ] = None,
     effect: EffectFiles = None,
     measure: MeasureFiles = None,
@@ -180,7 +175,7 @@ def run(
 @app.command(**help_of("sweep", SIMULATE))
 def sweep(
     scene: SceneFile,
-    over: Annotated[str, Option("--over", metavar="PATH=A,B,C", help="Entry of the scene and its values.")],
+    over: Annotated[str, Option(metavar="PATH=A,B,C", help="Entry of the scene and its values.")],
     override: Override = None,
     replicas: Annotated[
         int | None, Option(min=1, help="Repeats at each value; default: the scene's.")
@@ -188,7 +183,7 @@ def sweep(
     workers: Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")] = None,
     scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Dask scheduler.")] = None,
     effect: EffectFiles = None,
-    out: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder of table and picture.")] = None,
+    out: Annotated[Path | None, Option(metavar="DIR", help="Folder of table and picture.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -322,9 +317,9 @@ def snapshot(
 @app.command(**help_of("export", SIMULATE))
 def export(
     file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
-    vtk: Annotated[Path | None, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")] = None,
-    netcdf: Annotated[Path | None, Option("--netcdf", metavar="DIR", help="Folder for tables.")] = None,
-    chains: Annotated[Path | None, Option("--chains", metavar="PNG", help="Picture of force chains.")] = None,
+    vtk: Annotated[Path | None, Option(metavar="DIR", help="Folder for the VTK files.")] = None,
+    netcdf: Annotated[Path | None, Option(metavar="DIR", help="Folder for tables.")] = None,
+    chains: Annotated[Path | None, Option(metavar="PNG", help="Picture of force chains.")] = None,
     time: Annotated[float | None, Option(metavar="T", help="Its time in seconds; default: the end.")] = None,
     force: Force = False,
 ) -> None:
@@ -469,7 +464,7 @@ def schema(
     ] = None,
     study: Annotated[bool, Option("--study", help="Of study files; default: doe/study.schema.json.")] = False,
     entry: Annotated[
-        Text, Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead.")
+        Text, Option(metavar="PATH", help="Print an entry or a section of scene files instead.")
     ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""

@@ -34,7 +34,6 @@ def audit(
     claims: Annotated[
         File,
         Option(
-            "--claims",
             metavar="FILE",
             help="Published statements about the table (TOML); default: TABLE.claims.toml beside it.",
         ),

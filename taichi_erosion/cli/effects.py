@@ -53,7 +53,7 @@ def effects(
     ] = None,
     place: Annotated[
         ScaffoldPlace | None,
-        Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
+        Option(help="Where the new effect acts; default: pair, a force between two grains."),
     ] = None,
     with_memory: Annotated[
         bool, Option("--with-memory", help="Start the new file from an effect with state per grain.")

@@ -147,14 +147,13 @@ def predict(
     at: Annotated[
         Path,
         Option(
-            "--at",
             metavar="TABLE",
             help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
             "a unit is in that of the study's table. A column 'observable' says what is wanted.",
         ),
     ],
     options: "StudyOptions",
-    out: Annotated[File, Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
+    out: Annotated[File, Option(metavar="FILE", help="Table to write (CSV).")] = None,
     bare: Annotated[
         bool, Option("--bare", help="The model of STUDY itself, adopted effects left out.")
     ] = False,
@@ -200,23 +199,20 @@ def report(
 def new(
     table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
     out: Annotated[
-        File, Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
+        File, Option(metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
     ] = None,
     yes: Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")] = False,
     observable: Annotated[
-        Pairs, Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
+        Pairs, Option(metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
     ] = None,
     condition: Annotated[
         Pairs,
         Option(
-            "--condition",
             metavar="COLUMN=PATH|UNIT",
             help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
         ),
     ] = None,
-    unit: Annotated[
-        Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
-    ] = None,
+    unit: Annotated[Pairs, Option(metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")] = None,
     roughness: Annotated[
         Text, Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height.")
     ] = None,
@@ -230,22 +226,19 @@ def new(
     grains: Annotated[
         Whole, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
     ] = None,
-    scene: Annotated[
-        File, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
-    ] = None,
+    scene: Annotated[File, Option(metavar="FILE", help="Scene of your own, in place of a ready one.")] = None,
     sd: Annotated[
         Pairs,
         Option(
-            "--sd",
             metavar="COLUMN=SD",
             help="Scatter of single measurements where no column states it: 'angle=0.8 deg', 'flux=8 %'.",
         ),
     ] = None,
     between_codes: Annotated[
-        Pairs, Option("--between-codes", metavar="NAME=SD", help="Error of a level: 'radius_90=5 %'.")
+        Pairs, Option(metavar="NAME=SD", help="Error of a level: 'radius_90=5 %'.")
     ] = None,
     measured: Annotated[
-        Pairs, Option("--measured", metavar="NUMBER=VALUE", help="'sliding_friction=0.5 ± 0.05', of grains.")
+        Pairs, Option(metavar="NUMBER=VALUE", help="'sliding_friction=0.5 ± 0.05', of grains.")
     ] = None,
     fill_down: Annotated[
         bool, Option("--fill-down", help="A blank cell of a condition repeats the one above it.")

@@ -36,15 +36,6 @@ class Params:
     cut: float = quantity(1.5, "1", "largest deviation of ln d, in standard deviations", low=0.5, high=3.0)
 
 
-def sieves(median: float, sigma: float, cut: float) -> Sieve:
-    """Masses of a cut lognormal distribution by sieve."""
-    deviates = np.linspace(-cut, cut, CLASSES + 1)
-    shares = np.diff([NORMAL.cdf(deviate) for deviate in deviates])
-    edges = median * np.exp(sigma * deviates)
-    rows = tuple((float(a), float(b), float(w)) for a, b, w in zip(edges, edges[1:], shares, strict=False))
-    return Sieve(law="sieve", rows=rows, table=None)
-
-
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with sizes around its own."""
     below = NORMAL.cdf(-params.cut)
@@ -55,7 +46,11 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         return scene
     if not isinstance(size, Monodisperse):
         raise BadInput("effects.size_distribution: grains.size has a distribution already")
-    widest, sizes = exp(params.cut * sigma), sieves(size.diameter, sigma, params.cut)
+    deviates = np.linspace(-params.cut, params.cut, CLASSES + 1)
+    shares = np.diff([NORMAL.cdf(deviate) for deviate in deviates])
+    edges = size.diameter * np.exp(sigma * deviates)
+    rows = tuple((float(a), float(b), float(w)) for a, b, w in zip(edges, edges[1:], shares, strict=False))
+    widest, sizes = exp(params.cut * sigma), Sieve(law="sieve", rows=rows, table=None)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(sizes)))
     mean = mean_cube(sizes) ** (1.0 / 3.0) / size.diameter
     spread = with_section(scene, "grains", size=sizes, count=count)

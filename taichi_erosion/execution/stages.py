@@ -83,13 +83,6 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     state.began = time
     state.frames, state.tilts, state.airs, state.loads = [], [], [], []
     stage = scene.stages[state.stage]
-    change_boundaries(sim, replica, stage)
-    if stage.until == "threshold":
-        state.search = begin_search(sim, scene, replica, time)
-
-
-def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
-    """Boundary conditions of a stage: walls removed or set in motion, friction velocity, through-flow."""
     for name in stage.remove:
         simulation.remove_surface(sim, replica, name)
     for name, order in stage.move.items():
@@ -98,6 +91,8 @@ def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
         simulation.set_through_flow(sim, replica, stage.through_flow)
+    if stage.until == "threshold":
+        state.search = begin_search(sim, scene, replica, time)
 
 
 def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:

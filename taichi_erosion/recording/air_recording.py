@@ -29,16 +29,6 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
 
     Raises BadInput where it cannot be written.
     """
-    recording = stream.open_stream(path, name, wind_blueprint(curves))
-    stream.log_scene(recording, name, scene_text)
-    for curve, legend in curves.items():
-        stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
-    stream.flush(recording)
-    return recording
-
-
-def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
-    """Slice above, profile and curves below."""
     series = [
         rrb.TimeSeriesView(name=legend, origin="/air", contents=[f"$origin/{curve}"])
         for curve, legend in curves.items()
@@ -48,7 +38,12 @@ def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
         rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
     )
     layout = rrb.Vertical(image_view("Speed along the wind", "/slice"), below, row_shares=[1, 1])
-    return with_time_panel(layout, FRAMES_PER_SECOND)
+    recording = stream.open_stream(path, name, with_time_panel(layout, FRAMES_PER_SECOND))
+    stream.log_scene(recording, name, scene_text)
+    for curve, legend in curves.items():
+        stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
+    stream.flush(recording)
+    return recording
 
 
 def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mapping[str, float]) -> None:

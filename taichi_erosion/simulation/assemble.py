@@ -121,7 +121,15 @@ def upload_setups(world: World, setups: list[Setup]) -> None:
     reaches = np.array([gap_reach(s, world.laws) for s in setups])
     most = world.replicas.need.shape[1]
     upload_world(world, setups, reaches, [min(partition_count(s), most) for s in setups])
-    check_periods(world, setups)
+    number = download_field(world.cells.number)
+    for r, setup in enumerate(setups):
+        for axis in range(3):
+            if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
+                named = f"period along {'xyz'[axis]} = {setup.period[axis]} m"
+                raise BadInput(
+                    f"{named} holds fewer than {PERIOD_CELLS_LEAST} cells of the largest grain; "
+                    "make the box wider or the grains smaller"
+                )
 
 
 def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
@@ -140,19 +148,6 @@ def is_driven(setups: list[Setup]) -> bool:
     """Whether air or grain effects act between contacts."""
     pushed = any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
     return pushed or any(setup.air is not None for setup in setups)
-
-
-def check_periods(world: World, setups: list[Setup]) -> None:
-    """Raise BadInput where a periodic box is too narrow for its grains."""
-    number = download_field(world.cells.number)
-    for r, setup in enumerate(setups):
-        for axis in range(3):
-            if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
-                named = f"period along {'xyz'[axis]} = {setup.period[axis]} m"
-                raise BadInput(
-                    f"{named} holds fewer than {PERIOD_CELLS_LEAST} cells of the largest grain; "
-                    "make the box wider or the grains smaller"
-                )
 
 
 def check_mixture(setups: list[Setup]) -> None:

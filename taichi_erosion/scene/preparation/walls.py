@@ -102,7 +102,13 @@ def wall_rows(scene: Scene, name: str) -> list[Row]:
     if isinstance(wall, Plane):
         return [(PrimitiveKind.PLANE, (*wall.point, *unit_vector(wall.normal)))]
     if isinstance(wall, Box):
-        return box_rows(wall)
+        rows: list[Row] = []
+        for face in wall.faces:
+            side = "xyz".index(face[0])
+            inwards = [0.0, 0.0, 0.0]
+            inwards[side] = 1.0 if face.endswith("low") else -1.0
+            rows.append((PrimitiveKind.PLANE, (*(wall.low if face.endswith("low") else wall.high), *inwards)))
+        return rows
     if isinstance(wall, Mesh):
         triangles = mesh_triangles(scene, name, wall).reshape(-1, 9)
         return [(PrimitiveKind.TRIANGLE, tuple(corners)) for corners in triangles.tolist()]
@@ -122,17 +128,6 @@ def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
             along = np.linalg.norm(place - np.outer(share, step), axis=1)
         distance = np.minimum(distance, along)
     return distance
-
-
-def box_rows(box: Box) -> list[Row]:
-    """Faces of a box as planes that look inwards."""
-    rows: list[Row] = []
-    for face in box.faces:
-        side = "xyz".index(face[0])
-        inwards = [0.0, 0.0, 0.0]
-        inwards[side] = 1.0 if face.endswith("low") else -1.0
-        rows.append((PrimitiveKind.PLANE, (*(box.low if face.endswith("low") else box.high), *inwards)))
-    return rows
 
 
 def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ...]]:
