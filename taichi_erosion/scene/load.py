@@ -24,7 +24,7 @@ from taichi_erosion.scene.schema.grains import Bed, Size
 from taichi_erosion.scene.schema.scene import Scene
 
 S = TypeVar("S", Scene, AirScene)
-Wanted = Literal["table", "study", "scene"]
+FileKind = Literal["table", "study", "scene"]
 
 INSTALLED, SOURCE = Path(__file__).parent / "shipped", Path(__file__).parents[2] / "scenes"
 SCENES = INSTALLED if INSTALLED.is_dir() else SOURCE  # folder of the scenes that come with the program
@@ -65,7 +65,7 @@ SENTENCES = {  # by kind of error; pydantic tells the others
 }
 
 
-def refuse_other_kind(path: Path, ours: Wanted, *also: str) -> None:
+def refuse_other_kind(path: Path, ours: FileKind, *also: str) -> None:
     """Raise BadInput, with the right command, for a folder or a file that is certainly of another kind."""
     name = one_line_name(path)
     if path.is_dir():
@@ -102,7 +102,8 @@ def load_air_scene(
     path: str | Path, overrides: Sequence[str] = (), observables: Collection[str] | None = None
 ) -> AirScene:
     """Validated scene of air alone of a TOML file."""
-    return parse_air_scene(toml_table(path), one_line_name(path), overrides, observables)
+    name = one_line_name(path)
+    return validate(AirScene, toml_table(path), name, overrides, lambda scene: air_checks(scene, observables))
 
 
 def is_air_scene(path: Path) -> bool:
@@ -114,7 +115,7 @@ def is_air_scene(path: Path) -> bool:
     return "air" in table and "grains" not in table
 
 
-def toml_table(path: str | Path, kind: Wanted = "scene") -> dict[str, Any]:
+def toml_table(path: str | Path, kind: FileKind = "scene") -> dict[str, Any]:
     """Raw table of a TOML file of the wanted kind."""
     name = one_line_name(path)
     refuse_other_kind(Path(path), kind)
@@ -154,16 +155,6 @@ def parse_scene(
         return cross_checks(scene, observables)
 
     return validate(Scene, table, name, overrides, problems)
-
-
-def parse_air_scene(
-    table: Mapping[str, Any],
-    name: str = "scene",
-    overrides: Sequence[str] = (),
-    observables: Collection[str] | None = None,
-) -> AirScene:
-    """Validated scene of air alone of a raw table."""
-    return validate(AirScene, table, name, overrides, lambda scene: air_checks(scene, observables))
 
 
 def validate(

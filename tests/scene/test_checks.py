@@ -6,7 +6,7 @@ from scene_tables import SCENES, TUNNEL, complaint, good_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import check_scene
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
-from taichi_erosion.scene.load import parse_air_scene, parse_scene, toml_table
+from taichi_erosion.scene.load import load_air_scene, parse_scene
 from taichi_erosion.scene.schema.scene import effect_problems
 
 GRID = "wind.columns=[8, 8]; wind.closure='smagorinsky'; wind.drive='gradient'"
@@ -51,8 +51,8 @@ def test_two_grains_in_one_place_are_refused():
 )
 def test_a_bad_air_scene_gets_one_line(order: str, line: str):
     with pytest.raises(BadInput, match=line) as refusal:
-        parse_air_scene(toml_table(TUNNEL), "tunnel.toml", [order], AIR_OBSERVABLES)
-    assert str(refusal.value).startswith("tunnel.toml: ")
+        load_air_scene(TUNNEL, [order], AIR_OBSERVABLES)
+    assert str(refusal.value).startswith(f"{TUNNEL}: ")
     assert "\n" not in str(refusal.value)
 
 

@@ -12,7 +12,7 @@ from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table,
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolve, scene_hash
-from taichi_erosion.scene.load import parse_air_scene, toml_table
+from taichi_erosion.scene.load import load_air_scene
 
 FUNNEL = SCENES / "funnel_repose.toml"
 IDLE = (
@@ -114,7 +114,7 @@ def test_a_path_that_no_file_can_have_is_told(tmp_path: Path):
 
 def test_the_hash_follows_the_flow_and_not_its_title():
     orders = ([], ["scene.title='other'"], ["air.inlet.speed=7.0"])
-    scenes = (parse_air_scene(toml_table(TUNNEL), overrides=order) for order in orders)
+    scenes = (load_air_scene(TUNNEL, order) for order in orders)
     plain, titled, faster = map(scene_hash, scenes)
     assert plain == titled != faster
 
