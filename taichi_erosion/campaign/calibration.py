@@ -119,7 +119,7 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:
         responses = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
-        document["analyse"] = {"responses": responses, "kept": [factor.path for factor in screening.kept]}
+        document["analyse"] = {"responses": responses, "kept": [factor.path for factor in screening.leading]}
     if "climb" not in steps:
         return
     path = calibration.climb = calculate.climb(runner, screening)

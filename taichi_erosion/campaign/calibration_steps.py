@@ -143,7 +143,7 @@ class Screening:
 
     design: designs.Design
     fits: dict[str, Fit]
-    kept: tuple[designs.Factor, ...]
+    leading: tuple[designs.Factor, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,8 +193,8 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
     fit = screening.fits[name]
     upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
     design = designs.steepest_path(
-        screening.kept,
-        slopes(fit)[[fit.factors.index(factor) for factor in screening.kept]],
+        screening.leading,
+        slopes(fit)[[fit.factors.index(factor) for factor in screening.leading]],
         steps=study.design.climb_steps + 1,
         step=study.design.climb_step if upwards else -study.design.climb_step,
         limits={path: entry.limits for path, entry in study.parameters.items()},
@@ -217,7 +217,7 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
     """Ranges around the best point of the climb, moved where they would leave the limits."""
     study = runner.file.study
     factors = []
-    for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
+    for factor, level in zip(screening.leading, path.design.natural[path.best], strict=True):
         low, high = study.parameters[factor.path].limits
         half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
         middle = float(np.clip(level, low + half, high - half))
