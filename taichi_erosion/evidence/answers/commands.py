@@ -50,7 +50,6 @@ from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effec
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
-from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows
 
 
@@ -230,4 +229,7 @@ def study_frame(study: Study, inference: StudyInference) -> files.Document:
     """What every answer says of its study and of the set-up."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(inference.posterior.race.prepared.warnings)
-    return about | {"set_up": set_up_lines(study.faults), "warnings": warnings}
+    # repeats that differ first, for they may be typing errors
+    order = sorted(study.faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
+    lines = dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order)
+    return about | {"set_up": list(lines), "warnings": warnings}

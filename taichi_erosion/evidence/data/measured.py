@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from decimal import Decimal
 from difflib import get_close_matches
 from itertools import pairwise
 from math import inf, isfinite, isnan, nan
@@ -136,7 +135,7 @@ def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
 def with_limits(table: Table, interview: Interview) -> Table:
     """The table; an amount that was not seen, `0` or `no transport`, gets the limit below which it lies.
 
-    It is the least limit that the table states, else one in the last digit of the least amount.
+    It is the least limit that the table states, else the least amount: what is less may not have been seen.
     """
     for name in AMOUNTS:
         own = [row for row in table.rows if row.observable == name and not row.value < 0.0]
@@ -146,9 +145,8 @@ def with_limits(table: Table, interview: Interview) -> Table:
         if not unseen or not seen:
             continue
         unit = seen[0].unit
-        least = min(unit_factor(row, unit, table.file) * row.value for row in seen)
-        limit = least if limits else 10.0 ** int(Decimal(cell_text(least)).normalize().as_tuple().exponent)
-        source = "the least limit of the table" if limits else "one in the last digit of the least value"
+        limit = min(unit_factor(row, unit, table.file) * row.value for row in seen)
+        source = "the least limit of the table" if limits else "the least value that was seen"
         interview.assume(
             f"{name}: 0 and no transport are read as '<{cell_text(limit)}' {unit}, {source}, in "
             f"{listed_rows(unseen)}; write '<' and the least value that is seen where it is another"

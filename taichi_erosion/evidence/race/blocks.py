@@ -6,7 +6,7 @@
     group         numbers of the model that each soil or batch has for itself: its mask, times their slopes
     discrepancy   smooth function of the conditions of each observable, without its level:
                   k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH,
-                  centred, trace n
+                  centred, trace n; of an amount also a power of the grain size
 
 All in units of the median standard error of an observable. Rows that are to be predicted have columns too, so
 that they are conditioned on those that are known.
@@ -154,6 +154,12 @@ def smooth_columns(
     kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
     count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))
     columns = square_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
+    own = next(each for each in rows.observables if each.name == observable)
+    # published laws of an amount differ by powers of the grain size
+    if not along and own.transform == "log_floor" and own.shared_over in rows.conditions:
+        sizes = rows.conditions[own.shared_over][at]
+        power = np.nan_to_num(np.log(sizes / np.nanmedian(sizes[fitted]))) / size
+        columns = np.column_stack([columns, power]) if power.any() else columns
     values = np.zeros((rows.size, columns.shape[1]))
     values[at] = size * columns
     return values

@@ -3,13 +3,12 @@
 Headline, table and last line take the same names from `acting`, so that they cannot contradict each other.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from math import isfinite, log
 
 import numpy as np
 
 from taichi_erosion.evidence import record as parts
-from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
@@ -40,12 +39,6 @@ PRIORS = {  # that are halved and doubled
 ONE_LESS = " minus one"  # of what a dose counts
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
-
-
-def set_up_lines(faults: Sequence[SetUpFault]) -> list[str]:
-    """Errors and warnings before an answer: repeats that differ first, for they may be typing errors."""
-    order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
-    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order))
 
 
 def row_list(lines: Iterable[int]) -> str:

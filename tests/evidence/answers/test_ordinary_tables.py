@@ -163,6 +163,18 @@ def test_another_law_of_the_flux_is_no_missing_effect(tmp_path, law):
     assert not reply.record.refuted
 
 
+def test_a_flux_that_depends_on_the_grain_size_by_another_law_names_no_effect(tmp_path):
+    """That of Lettau & Lettau, (d / 0.25 mm)^0.5 u*^2 (u* - u*t): collisions and n = 2 imitate it."""
+    rng, rows = np.random.default_rng(1026), ["d (mm),u* (m/s),q (g/m/s)"]
+    for d, u in ((d, u) for d in (0.15, 0.25, 0.4, 0.6) for u in (0.35, 0.45, 0.55, 0.65, 0.8)):
+        excess = u - 0.1 * np.sqrt(2207.0 * 9.81e-3 * d)
+        mean = 6.7e3 * 1.2 / 9.81 * np.sqrt(d / 0.25) * u**2 * excess
+        rows += [f"{d},{u},{mean * (1.0 + 0.08 * rng.standard_normal()):.3g}"] if excess > 0.0 else []
+    record = answer(study_of(tmp_path, "", "\n".join([*rows, ""]), sd={"q": "8 %"})).record
+    assert (record.named, record.group) == ((), ())
+    assert {place.axis for place in record.where if place.p < 0.01} == {"diameter"}
+
+
 PLATEAU = {0: 31.1, 0.5: 34.2, 1: 36.1, 2: 38.3, 4: 39.7, 8: 40.4, 14: 38.6, 20: 35.4}  # % -> deg
 
 
@@ -176,7 +188,11 @@ def test_a_listed_effect_is_not_named_where_it_misses_means_of_many_repeats(tmp_
 
 def test_no_name_has_a_strength_above_the_list(tmp_path):
     """Threshold by the root of 1 + 1.5 w in place of the list's 1 + 1.21 w^0.68, flux by Kawamura."""
-    record = answer(study_of(tmp_path, "kawamura")).record
+    text = (TABLES / "kawamura.csv").read_text("utf-8")
+    record = answer(study_of(tmp_path, "", text)).record
+    assert record.named == ("liquid_bridge",), "what is not seen lies below the least that is"
+    (exact := tmp_path / "exact").mkdir()
+    record = answer(study_of(exact, "", text.replace(";0.0", ";<0.01"))).record
     charge = record.effects["electrostatics"]
     assert charge.strength > charge.most, "else this tests nothing"
     assert "electrostatics" in record.refuted
