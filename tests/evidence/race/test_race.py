@@ -38,7 +38,7 @@ def test_nothing_is_named_where_nothing_is_missing(number):
     posterior, found = answered(number)
     assert found.verdict == "none_detected"
     assert found.named == found.group == found.acting_mechanisms == ()
-    assert found.none > 0.5
+    assert found.probabilities["none"] > 0.5
     assert posterior.race.model.settings <= 600
     assert posterior.race.model.noisy == (number == NOISY), "which takes many seeds"
 
@@ -75,7 +75,7 @@ def test_an_answer_at_the_cap_is_told_as_such():
     posterior = infer(case(SINGLE).problem, SINGLE, most=60)
     assert posterior.race.stopped
     assert (posterior.race.model.settings, summary(posterior).stopped) == (60, "budget")
-    assert decide(posterior).none < 0.1  # what is known by then already
+    assert decide(posterior).probabilities["none"] < 0.1  # what is known by then already
 
 
 def test_a_number_that_repeats_leave_to_a_level_keeps_its_width():
