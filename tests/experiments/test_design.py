@@ -11,14 +11,6 @@ from hypothesis import strategies as st
 from textbook import unit_factors
 
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.design import (
-    CYCLES,
-    Factor,
-    design_text,
-    plackett_burman,
-    to_coded,
-    to_natural,
-)
 
 # Plackett & Burman (1946); printed, for example, in Plasun (1999), table 3.6
 FIRST_OF_TWELVE = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
@@ -34,9 +26,11 @@ def test_the_twelve_runs_of_plackett_and_burman_stand_as_printed():
     assert np.array_equal(design.plackett_burman(unit_factors("ABCDEFGHIJK"), centre_points=0).coded, printed)
 
 
-@pytest.mark.parametrize("runs", CYCLES)
+@pytest.mark.parametrize("runs", design.CYCLES)
 def test_every_plackett_burman_design_is_orthogonal_and_balanced(runs):
-    points = plackett_burman([Factor(f"f{k}", 0.0, 1.0) for k in range(runs - 1)], centre_points=0).coded
+    points = design.plackett_burman(
+        [design.Factor(f"f{k}", 0.0, 1.0) for k in range(runs - 1)], centre_points=0
+    ).coded
     assert np.array_equal(points.T @ points, runs * np.eye(runs - 1))
     assert not points.sum(axis=0).any()
 
@@ -83,7 +77,7 @@ def test_a_latin_hypercube_has_one_run_in_every_slice_of_every_factor(seed):
 
 
 def test_a_steepest_path_follows_the_gradient_and_ends_at_a_limit():
-    ranges = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
+    ranges = [design.Factor("a", 0.0, 2.0), design.Factor("b", 10.0, 30.0)]
     path = design.steepest_path(ranges, [-3.0, 1.5], steps=5, step=0.5, limits={"a": (0.0, 9.0)})
     # a: half range 1, full step 0.5 down; b: half range 10, half of a step up
     assert np.allclose(path.natural, [(1.0, 20.0), (0.5, 22.5), (0.0, 25.0)])
@@ -99,19 +93,19 @@ def test_a_seed_shuffles_the_turns_and_never_the_rows():
 
 @given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)), min_size=1, max_size=4))
 def test_coded_levels_come_back_from_natural_units(ranges):
-    some = [Factor(f"f{k}", low, low + width) for k, (low, width) in enumerate(ranges)]
+    some = [design.Factor(f"f{k}", low, low + width) for k, (low, width) in enumerate(ranges)]
     levels = np.linspace(-1.0, 1.0, 5)[:, None] * np.ones(len(some))
-    natural = to_natural(some, levels)
+    natural = design.to_natural(some, levels)
     assert np.array_equal(natural[[0, -1]], [[f.low for f in some], [f.high for f in some]])
     # a centre of 1e6 beside a range of 1e-3 leaves seven digits of the level
-    assert np.allclose(to_coded(some, natural), levels, atol=1e-6)
+    assert np.allclose(design.to_coded(some, natural), levels, atol=1e-6)
 
 
 def test_a_design_comes_back_from_its_file_to_the_bit():
-    median = Factor("grains.size.median", 1e-4, 0.1 + 0.2, "m")
-    ranges = [Factor("contact.soil-soil.restitution", 0.4, 0.8), median]
+    median = design.Factor("grains.size.median", 1e-4, 0.1 + 0.2, "m")
+    ranges = [design.Factor("contact.soil-soil.restitution", 0.4, 0.8), median]
     made = design.latin_hypercube(ranges, 7, seed=1).with_responses(angle=[1.0, np.nan, *range(5)])
-    back = pd.read_csv(io.StringIO(design_text(made)), dtype=str)
+    back = pd.read_csv(io.StringIO(design.design_text(made)), dtype=str)
     assert "grains.size.median [m] 0.0001..0.30000000000000004" in back
     columns = np.column_stack([made.run_order, made.natural, made.coded, made.responses["angle"]])
     assert np.array_equal(back.drop(columns=["run", "point"]).astype(float), columns, equal_nan=True)

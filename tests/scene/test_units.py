@@ -6,14 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.scene.schema.units import (
-    USUAL,
-    UnknownUnit,
-    conversion,
-    dictionary_entry,
-    parse_unit,
-    scale_between,
-)
+from taichi_erosion.scene.schema import units
 
 NO_UNITS = {"grad": "deg", "F": "degF", "MM": "'mm'", "kg/m s": "kg/(m s)", "m" * 61: ""}
 # a temperature that does not count from absolute zero has no factor
@@ -39,27 +32,27 @@ NO_UNITS |= dict.fromkeys("degC wet m/ (m m) () m--2 m99 / €".split(), "")
 def test_a_unit_is_converted_by_its_factor_where_the_kind_is_the_same(source, target, factor):
     # ten digits: factors are products of a few roundings
     wanted = factor and pytest.approx(factor, rel=1e-10)
-    assert conversion(parse_unit(source), parse_unit(target)) == wanted
+    assert units.conversion(units.parse_unit(source), units.parse_unit(target)) == wanted
 
 
 @pytest.mark.parametrize(("text", "hint"), NO_UNITS.items())
 def test_what_is_no_unit_or_could_mean_two_is_refused_with_what_may_have_been_meant(text, hint):
-    with pytest.raises(UnknownUnit) as caught:
-        parse_unit(text)
+    with pytest.raises(units.UnknownUnit) as caught:
+        units.parse_unit(text)
     assert hint in caught.value.hint
 
 
 def test_units_that_need_no_dictionary_are_those_of_the_dictionary(monkeypatch):
-    known = dict(USUAL)
+    known = dict(units.USUAL)
     monkeypatch.setattr("taichi_erosion.scene.schema.units.USUAL", {"1": known["1"]})
-    assert {name: dictionary_entry.__wrapped__(name) for name in known} == known
+    assert {name: units.dictionary_entry.__wrapped__(name) for name in known} == known
 
 
 @given(st.text(alphabet="mkgsPaN%/() -^*·0123456789°µ⁻¹", max_size=20))
 def test_any_text_is_a_unit_or_refused(text):
     try:
-        unit = parse_unit(text)
-    except UnknownUnit:
+        unit = units.parse_unit(text)
+    except units.UnknownUnit:
         return
     assert unit.factor > 0.0
 
@@ -69,7 +62,7 @@ def test_any_text_is_a_unit_or_refused(text):
     [("degC", 20.0, 293.15), ("℃", 0.0, 273.15), ("°F", 50.0, 283.15), ("K", 3.0, 3.0)],
 )
 def test_a_temperature_is_counted_from_the_zero_of_its_scale(text, number, kelvin):
-    scale = scale_between(text, parse_unit("K"))
+    scale = units.scale_between(text, units.parse_unit("K"))
     assert scale is not None
     assert scale.to_use(number) == pytest.approx(kelvin, rel=1e-12)
     assert scale.to_table(kelvin) == pytest.approx(number, abs=1e-10)

@@ -26,12 +26,6 @@ from taichi_erosion.evidence.answers.fresh_test import (
     kinds_of,
     setting_of,
 )
-from taichi_erosion.evidence.answers.rounds import (
-    StudyInference,
-    answer_question,
-    discovery_question,
-    is_final,
-)
 from taichi_erosion.evidence.answers.set_up import small_heaps
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
@@ -64,16 +58,16 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
         if wrong:
             exact = process.mean  # overstated in what the first effect does, without knowing it
             patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
-        question = discovery_question(study, whole)
-        found, ready = answer_question(study, plans, question, lambda words, share: None)
+        question = rounds.discovery_question(study, whole)
+        found, ready = rounds.answer_question(study, plans, question, lambda words, share: None)
         record = discover_record(found)
     return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, record=record)
 
 
 @cache
-def on_function(number: int, family: str = "clean", seed: int = 4242) -> StudyInference:
+def on_function(number: int, family: str = "clean", seed: int = 4242) -> rounds.StudyInference:
     posterior = infer(FAMILIES[family](seed, number).problem, number)
-    return StudyInference(posterior, decide(posterior))
+    return rounds.StudyInference(posterior, decide(posterior))
 
 
 @pytest.mark.parametrize(("strength", "plan"), [(STRONG, "quick"), (OPEN, "full")])
@@ -88,14 +82,18 @@ def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(t
     monkeypatch.setattr(training_runs, "execute", executing(runs))
     with open_study(write(tmp_path, STRONG, seed=5)) as study:
         waits = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
-        question = discovery_question(waits, bare)
+        question = rounds.discovery_question(waits, bare)
         with pytest.raises(BadInput, match="too few rows; --force goes on"):
-            answer_question(waits, ("quick",), question, no_progress)
+            rounds.answer_question(waits, ("quick",), question, no_progress)
         assert not runs
-        answer_question(waits, ("quick",), discovery_question(waits, bare, tested=False), no_progress)
+        rounds.answer_question(
+            waits, ("quick",), rounds.discovery_question(waits, bare, tested=False), no_progress
+        )
         made = len(runs)
         assert made, "the next rows are asked for where there are too few"
-        answer_question(replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress)
+        rounds.answer_question(
+            replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress
+        )
         assert len(runs) > made
 
 
@@ -274,7 +272,7 @@ def test_an_effect_half_as_strong_runs_that_fail_and_a_gap_by_chance(world, outc
 
 def test_only_a_confirmed_name_of_the_small_plan_is_settled():
     found = [replace(on_function(SINGLE), fresh=asked(fails=share)) for share in (0.0, 0.6)]
-    assert [is_final(each) for each in found] == [True, False]
+    assert [rounds.is_final(each) for each in found] == [True, False]
 
 
 def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():

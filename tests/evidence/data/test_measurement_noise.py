@@ -7,16 +7,8 @@ import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.data import measurement_noise
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
-from taichi_erosion.evidence.data.measurement_noise import (
-    gross,
-    lack_of_fit,
-    likely_shape,
-    measurement_scatter,
-    moderate_variance,
-    pure_error,
-    repeat_groups,
-)
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 
 ROWS, REPEATS, GROUPS = 12, 3, 8
@@ -30,7 +22,7 @@ def sample_variances(random: np.random.Generator, sd: np.ndarray, repeats: int =
 
 
 def test_rows_of_one_scatter_share_one_variance():
-    variance, freedom = moderate_variance(
+    variance, freedom = measurement_noise.moderate_variance(
         sample_variances(np.random.default_rng(1), np.full(ROWS, 2.0)), FREEDOM, EVEN
     )
     assert np.ptp(variance) == 0.0
@@ -41,7 +33,7 @@ def test_rows_of_one_scatter_share_one_variance():
 
 def test_rows_that_differ_beyond_chance_keep_their_own_variance():
     sd = np.where(np.arange(ROWS) < ROWS // 2, 1.0, 10.0)
-    variance, _ = moderate_variance(
+    variance, _ = measurement_noise.moderate_variance(
         sample_variances(np.random.default_rng(2), sd, 10), np.full(ROWS, 9.0), EVEN
     )
     assert variance[: ROWS // 2].max() < 0.2 * variance[ROWS // 2 :].min()
@@ -50,8 +42,12 @@ def test_rows_that_differ_beyond_chance_keep_their_own_variance():
 def test_scatter_that_grows_with_the_value_is_seen():
     value = np.geomspace(1.0, 8.0, ROWS)
     shapes = np.array([np.ones(ROWS), value])
-    grown = likely_shape(sample_variances(np.random.default_rng(3), 0.1 * value), FREEDOM, shapes)
-    flat = likely_shape(sample_variances(np.random.default_rng(3), np.ones(ROWS)), FREEDOM, shapes)
+    grown = measurement_noise.likely_shape(
+        sample_variances(np.random.default_rng(3), 0.1 * value), FREEDOM, shapes
+    )
+    flat = measurement_noise.likely_shape(
+        sample_variances(np.random.default_rng(3), np.ones(ROWS)), FREEDOM, shapes
+    )
     assert np.all(np.diff(grown)[2:] > 0.0)
     assert np.ptp(flat) == 0.0
 
@@ -62,7 +58,7 @@ def test_weights_out_of_three_repeats_make_no_outliers(spread):
     for _ in range(sets):
         sd = np.exp(spread * random.standard_normal(ROWS))
         repeats = sd * random.standard_normal((REPEATS, ROWS))
-        variance, _ = moderate_variance(np.var(repeats, axis=0, ddof=1), FREEDOM, EVEN)
+        variance, _ = measurement_noise.moderate_variance(np.var(repeats, axis=0, ddof=1), FREEDOM, EVEN)
         beyond += int(np.sum(np.abs(repeats.mean(axis=0)) > 3.0 * np.sqrt(variance / REPEATS)))
     # over its own sd of three repeats a residual lies beyond 3 sd in 9.5 % of rows: less than a third of that
     assert beyond < 0.03 * sets * ROWS
@@ -77,7 +73,7 @@ def with_value(problem: Problem, row: int, value: float) -> Problem:
 
 def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
     """By cell, whether its repeats differ by more than chance."""
-    return gross(*repeat_groups(z, np.ones(z.size), cell), stated)
+    return measurement_noise.gross(*measurement_noise.repeat_groups(z, np.ones(z.size), cell), stated)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +107,7 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
     """Values rounded to 0.1 without a stated sd; most pairs are equal, and half of them 0."""
     z = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.1, 2.1, 3.0, 3.1, 4.0, 4.2])
     shapes, cell = np.array([np.ones(z.size), z]), np.repeat(np.arange(6.0), 2)
-    found = measurement_scatter(z, np.full(z.size, np.nan), np.ones(z.size), cell, shapes)
+    found = measurement_noise.measurement_scatter(z, np.full(z.size, np.nan), np.ones(z.size), cell, shapes)
     assert not found.off.any()
     assert found.own_freedom == 6.0
 
@@ -159,9 +155,9 @@ def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
         p = []
         for _ in range(400):
             z = 3.0 * random.standard_normal(CELL.size) + size * np.sin(CELL)  # the model is 0
-            error, freedom = pure_error(z, np.ones(z.size), CELL)
+            error, freedom = measurement_noise.pure_error(z, np.ones(z.size), CELL)
             squares = float(z @ z) - error
-            p.append(lack_of_fit([(squares, z.size - freedom, error, freedom)]))
+            p.append(measurement_noise.lack_of_fit([(squares, z.size - freedom, error, freedom)]))
         chances.append(float(np.mean(np.array(p) < 0.05)))
     assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
     assert chances[1] > 0.9

@@ -6,42 +6,34 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.emulator import emulator, gaussian_process
 from taichi_erosion.evidence.emulator import gaussian_process as module
-from taichi_erosion.evidence.emulator.emulator import (
-    EmulatorInputs,
-    ObservableEmulator,
-    run_replicates,
-    scatter_correlation,
-)
-from taichi_erosion.evidence.emulator.gaussian_process import (
-    ActiveInputs,
-    JointErrors,
-    Points,
-    fit_gaussian_process,
-    joint_errors,
-)
 
 RUNS, SCATTER, DRAWS = 40, 0.15, 20000
-READS = ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
-ASKED = Points(np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]]))
+READS = gaussian_process.ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
+ASKED = gaussian_process.Points(
+    np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]])
+)
 
 
 @pytest.fixture(scope="module")
-def joint() -> JointErrors:
+def joint() -> gaussian_process.JointErrors:
     """Two observables that an effect moves in opposite senses, with correlated scatter; one lacks runs."""
     random = np.random.default_rng(5)
     psi = np.where(np.arange(RUNS) < RUNS // 2, 0.0, random.uniform(0.5, 4.0, RUNS))
     x, c = random.uniform(-2.0, 2.0, (RUNS, 1)), random.uniform(-1.5, 1.5, (RUNS, 1))
-    at = Points(x, c, psi[:, np.newaxis])
+    at = gaussian_process.Points(x, c, psi[:, np.newaxis])
     smooth = 0.5 * at.x[:, 0] + 0.8 * np.tanh(at.psi[:, 0]) * (1.0 + 0.3 * at.c[:, 0])
     errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T
     known = [np.arange(RUNS), np.delete(np.arange(RUNS), [3, 30, 35])]
     values = [smooth + SCATTER * errors[:, 0], -0.6 * smooth + SCATTER * errors[:, 1]]
     processes = [
-        fit_gaussian_process(Points(at.x[own], at.c[own], at.psi[own]), value[own], READS)
+        gaussian_process.fit_gaussian_process(
+            gaussian_process.Points(at.x[own], at.c[own], at.psi[own]), value[own], READS
+        )
         for own, value in zip(known, values, strict=True)
     ]
-    return joint_errors(processes, known)
+    return gaussian_process.joint_errors(processes, known)
 
 
 def test_observables_that_move_alike_have_errors_that_hang_together(joint):
@@ -75,33 +67,35 @@ def test_the_covariance_is_that_of_drawn_errors(joint):
 MANY, SMALL = 80, 0.1  # runs, and their scatter
 
 
-def emulators(rho: float, seed: int, one_scene: bool = True) -> dict[str, ObservableEmulator]:
+def emulators(rho: float, seed: int, one_scene: bool = True) -> dict[str, emulator.ObservableEmulator]:
     """Height and width of runs over two numbers and a condition; width falls where height rises."""
     random = np.random.default_rng(seed)
     x, c = random.standard_normal((MANY, 2)), random.uniform(-1.5, 1.5, (MANY, 1))
     smooth = 0.6 * x[:, 0] - 0.3 * x[:, 1] + 0.4 * c[:, 0] + 0.1 * x[:, 0] * c[:, 0]
     errors = random.standard_normal((MANY, 2)) @ np.linalg.cholesky([[1.0, rho], [rho, 1.0]]).T
-    points = Points(x, c, np.zeros((MANY, 0)))
-    active = ActiveInputs(conditions=np.ones((1, 1), bool), numbers=np.ones((1, 2), bool))
+    points = gaussian_process.Points(x, c, np.zeros((MANY, 0)))
+    active = gaussian_process.ActiveInputs(conditions=np.ones((1, 1), bool), numbers=np.ones((1, 2), bool))
     scene, found = cast(Any, object()), {}
     for k, (name, sign) in enumerate((("height", 1.0), ("width", -0.7))):
-        process = fit_gaussian_process(points, sign * smooth + SMALL * errors[:, k], active)
-        inputs = EmulatorInputs(scene if one_scene else cast(Any, object()), (), {}, ())
-        found[name] = ObservableEmulator(inputs, Observable(name), process, process.scatter, np.arange(MANY))
+        process = gaussian_process.fit_gaussian_process(points, sign * smooth + SMALL * errors[:, k], active)
+        inputs = emulator.EmulatorInputs(scene if one_scene else cast(Any, object()), (), {}, ())
+        found[name] = emulator.ObservableEmulator(
+            inputs, Observable(name), process, process.scatter, np.arange(MANY)
+        )
     return found
 
 
 @pytest.mark.parametrize("rho", [0.8, 0.0])
 def test_contrasts_of_runs_tell_the_correlation_of_the_scatter(rho):
-    found = np.array([scatter_correlation(*emulators(rho, seed).values()) for seed in range(3)])
+    found = np.array([emulator.scatter_correlation(*emulators(rho, seed).values()) for seed in range(3)])
     error = (1.0 - rho**2) / np.sqrt(found[:, 1].sum())  # of the mean of three samples
     assert np.all(found[:, 1] > MANY / 2)
     assert abs(found[:, 0].mean() - rho) < 3.0 * error
 
 
 def test_runs_of_one_scene_are_replicates_of_two_observables():
-    found = run_replicates(emulators(0.8, 0))
+    found = emulator.run_replicates(emulators(0.8, 0))
     assert found.names == ("height", "width")
     np.testing.assert_allclose(found.sd, SMALL, rtol=0.3)
     assert found.correlation[0, 1] == pytest.approx(0.8, abs=0.15)  # 59 degrees of freedom: sd 0.05
-    assert run_replicates(emulators(0.8, 0, one_scene=False)) is None
+    assert emulator.run_replicates(emulators(0.8, 0, one_scene=False)) is None
