@@ -99,9 +99,7 @@ def test_every_step_finds_what_the_closed_form_hides(found):
         ({"surface": "latin_hypercube", "surface_runs": 24}, 24 + 5, pytest.approx(1.0, abs=2.0 / 24)),
     ],
 )
-def test_every_design_of_the_surface_finds_the_same_optimum(
-    found, tmp_path, monkeypatch, entries, runs, furthest
-):
+def test_every_design_finds_the_same_optimum(found, tmp_path, monkeypatch, entries, runs, furthest):
     monkeypatch.setattr(calibration_steps, "execute", closed_form.execute_here)
     other = calibrate(write_study(tmp_path, design=STUDY["design"] | entries, parameters=WIDE))
     assert len(other.surface.design) == runs

@@ -24,7 +24,7 @@ def requests(count: int, work: float, group: str = "") -> list[RunRequest]:
     return [RunRequest(f"{group}{k}", {}, group, work) for k in range(count)]
 
 
-def dealt(
+def deal(
     waiting: list[RunRequest], deaths: dict[str, int] | None = None, workers: int = WORKERS
 ) -> list[int]:
     """Sizes of the batches, in the order in which workers take them."""
@@ -37,14 +37,14 @@ def dealt(
 
 
 def test_batches_shrink_are_worth_a_start_have_a_limit_and_hold_one_group():
-    assert dealt(requests(10, WORTH_A_START)) == [5, 3, 1, 1]
-    assert dealt(requests(20, WORTH_A_START / 8)) == [10, 8, 2]
-    assert dealt(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
-    assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
-    assert dealt(requests(4, WORK_MOST / 1.5)) == [1] * 4  # no longer than a killed worker may lose
+    assert deal(requests(10, WORTH_A_START)) == [5, 3, 1, 1]
+    assert deal(requests(20, WORTH_A_START / 8)) == [10, 8, 2]
+    assert deal(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
+    assert deal([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
+    assert deal(requests(4, WORK_MOST / 1.5)) == [1] * 4  # no longer than a killed worker may lose
     most = [replace(each, most=6, arch="cuda") for each in requests(15, WORK_MOST)]
-    assert dealt(most, workers=1) == [6, 6, 3]  # a graphics processor takes all that it has room for
-    assert dealt(requests(3, 1.0), {"0": 1})[0] == 1  # a worker died of it: it goes alone
+    assert deal(most, workers=1) == [6, 6, 3]  # a graphics processor takes all that it has room for
+    assert deal(requests(3, 1.0), {"0": 1})[0] == 1  # a worker died of it: it goes alone
 
 
 def on_device(folder: Path, arch: Arch) -> list[RunRequest]:

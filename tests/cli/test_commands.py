@@ -110,9 +110,7 @@ def test_a_run_is_told_in_ten_lines_beside_its_table(room, capsys, monkeypatch):
     assert "3e+06 grain-steps/s" in printed
 
 
-def test_json_of_run_is_one_document_that_any_reader_accepts_and_progress_goes_to_stderr(
-    room, capsys, monkeypatch
-):
+def test_json_of_run_is_one_document_that_any_reader_accepts(room, capsys, monkeypatch):
     monkeypatch.setattr("taichi_erosion.cli.progress.LINE_INTERVAL", 0.0)
     monkeypatch.delenv("FORCE_COLOR", raising=False)
 

@@ -30,9 +30,7 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", MARKED)
-def test_a_file_is_written_again_from_its_source_alone_wherever_both_stand(
-    study, tmp_path, monkeypatch, name
-):
+def test_a_file_is_written_again_from_its_source_alone(study, tmp_path, monkeypatch, name):
     path = study.with_name(name)
     path.write_bytes(MARKED[name](path, study))
     files.refuse_foreign(path, study)

@@ -77,9 +77,7 @@ def test_the_remedy_of_an_unread_condition_ends_the_warning(tmp_path: Path):
         (("conditions.moisture=0.05", "measured.pile_height.value=0.02"), True),
     ],
 )
-def test_a_measured_value_is_compared_with_the_situation_in_which_it_was_measured(
-    tmp_path, changes, is_compared
-):
+def test_a_measured_value_is_compared_where_it_was_measured(tmp_path, changes, is_compared):
     path = write_scene(tmp_path, conditions={"moisture": 0.01}, measured={"pile_height": {"value": 0.01}})
     assert bool(comparable(path, read_scene(path, changes))) == is_compared
 

@@ -64,9 +64,7 @@ def test_own_measures_read_kinds_contacts_and_walls_and_a_failing_one_says_where
     assert any("broken.py, line 8" in line for line in document["replicas"][0]["warnings"])
 
 
-def test_a_measure_is_named_on_the_command_line_and_its_content_counts(
-    files: Path, capsys: pytest.CaptureFixture[str]
-):
+def test_a_measure_is_an_option_and_its_content_counts(files: Path, capsys: pytest.CaptureFixture[str]):
     words = ["run", str(SCENES / "two_soils.toml"), "--measure", str(files / "load.py"), "--check", "--json"]
     assert main(words) == 0
     out = capsys.readouterr()

@@ -242,13 +242,9 @@ def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> N
         assert np.linalg.norm(gravity[:2]) > 0.0
 
 
-SMALL_PATCH = (
-    "grains.count=160",
-    "wind.length_d=10",
-    "wind.width_d=8",
-    "wind.height=0.02",
-    "run.check_interval=2e-3",
-    "record.every=2e-3",
+SMALL_PATCH = tuple(
+    "grains.count=160 wind.length_d=10 wind.width_d=8 wind.height=0.02 run.check_interval=2e-3 "
+    "record.every=2e-3".split()
 )
 
 

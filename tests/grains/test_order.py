@@ -43,9 +43,7 @@ def test_a_grain_far_from_all_others_does_not_widen_the_cells_of_the_crowd():
         pytest.param(0, Numerics("cpu", 2, "f64", "grains"), marks=pytest.mark.slow),
     ],
 )
-def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_period(
-    monkeypatch, axis, numerics
-):
+def test_grains_are_sorted_along_the_longest_side_across_its_period(monkeypatch, axis, numerics):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", 16 * ROD // 4)
     # stirred grains overlap a little in a rod whose ends touch across the period
     rng = np.random.default_rng(3)

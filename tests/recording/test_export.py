@@ -96,9 +96,7 @@ def test_tables_of_netcdf_hold_the_same_numbers(recording: Path, tmp_path: Path)
         export.export_netcdf(other, tmp_path)
 
 
-def test_chains_are_brighter_where_forces_are_larger_and_missing_contacts_are_told(
-    recording: Path, tmp_path: Path
-):
+def test_chains_are_brighter_where_forces_are_larger(recording: Path, tmp_path: Path):
     picture = np.asarray(Image.open(export.export_chains(recording, tmp_path / "chains.png", 0.01)))
     assert picture.shape == (720, 960, 3)
     assert (picture[..., 0] > 200).sum() > 300  # lines in ember

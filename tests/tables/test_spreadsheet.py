@@ -11,16 +11,8 @@ from taichi_erosion.tables.spreadsheet import Cells, write_out
 @pytest.mark.parametrize(
     ("cell", "value", "reach", "unit"),
     [
-        *(
-            (text, 0.57, 0.0, "")
-            for text in (
-                "5.7 x 10^-1",
-                "5.7\N{MULTIPLICATION SIGN}10⁻¹",
-                "5.7 E-01",
-                "5.7·10-1",
-                "5.7*10**-1",
-            )
-        ),
+        *((text, 0.57, 0.0, "") for text in ("5.7 x 10^-1", "5.7\N{MULTIPLICATION SIGN}10⁻¹", "5.7 E-01")),
+        *((text, 0.57, 0.0, "") for text in ("5.7·10-1", "5.7*10**-1")),
         ("2·10³", 2000.0, 0.0, ""),
         ("1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)", 1.5e-3, 0.0, "kg/(m s)"),
         ("1\u2009200", 1200.0, 0.0, ""),

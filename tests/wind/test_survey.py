@@ -73,9 +73,7 @@ def test_the_speed_of_a_tunnel_is_not_taken_for_a_friction_velocity():
             asked_winds(text, SAND, ())
 
 
-def test_the_command_runs_its_scenes_and_leaves_numbers_and_a_picture(
-    measured, tmp_path, monkeypatch, capsys
-):
+def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, monkeypatch, capsys):
     def run(path, options):
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         name = "fluid_threshold" if "threshold" in table else "flux"
@@ -106,9 +104,7 @@ def test_the_command_runs_its_scenes_and_leaves_numbers_and_a_picture(
 
 
 @pytest.mark.parametrize(("share", "told"), [("5%", False), ("0.1%", True)])
-def test_beds_with_fresh_seeds_are_added_until_a_threshold_is_known(
-    share, told, tmp_path, monkeypatch, capsys
-):
+def test_beds_are_added_until_a_threshold_is_known(share, told, tmp_path, monkeypatch, capsys):
     """The first three beds are close by chance; a seed gives the same bed in any group; one stops."""
 
     def measure(seed):

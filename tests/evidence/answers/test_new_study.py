@@ -96,9 +96,7 @@ WRONG_FILES = [
 
 
 @pytest.mark.parametrize(("content", "place", "remedy"), WRONG_FILES)
-def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(
-    tmp_path, content, place, remedy
-):
+def test_what_is_wrong_with_a_table_is_told_with_its_place_and_remedy(tmp_path, content, place, remedy):
     faults = faults_of(tmp_path, content)
     assert all(fault.startswith("heap.csv") and "\n" not in fault for fault in faults)
     assert any(place in fault and remedy in fault for fault in faults), faults
@@ -116,9 +114,7 @@ def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(
         ("heap.csv --closed-form --grains 9", "--grains: has no use"),
     ],
 )
-def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(
-    tmp_path, monkeypatch, capsys, words, told
-):
+def test_a_wrong_option_is_told_with_what_is_allowed(tmp_path, monkeypatch, capsys, words, told):
     (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
     (tmp_path / "taken").touch()
     monkeypatch.chdir(tmp_path)

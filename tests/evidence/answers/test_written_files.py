@@ -144,9 +144,7 @@ def test_a_spreadsheet_that_changed_after_the_study_is_told_until_it_is_read_aga
     assert told() == (False, False, False)
 
 
-def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused_and_nothing_is_written(
-    folder,
-):
+def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused(folder):
     files = files_of(folder)
     (folder / "other").mkdir()
     table = written(folder / "other", LINES)

@@ -209,9 +209,7 @@ def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(
 
 
 @pytest.mark.parametrize("stops", [False, True])
-def test_an_effect_whose_strong_runs_stop_is_named_with_its_failures_and_not_excluded(
-    tmp_path, monkeypatch, stops
-):
+def test_an_effect_whose_strong_runs_stop_is_told_and_not_excluded(tmp_path, monkeypatch, stops):
     make = executing([])
 
     def execute(wanted, store, **options):

@@ -160,9 +160,7 @@ def test_changing_the_sizes_leaves_the_places_of_rain_alone():
         ("grain_shape", 1.0),
     ],
 )
-def test_coarse_and_spread_grains_start_clear_of_tube_plate_and_each_other_and_as_low_as_equal_ones(
-    name: str, strength: float
-):
+def test_coarse_and_spread_grains_start_clear_and_as_low_as_equal_ones(name: str, strength: float):
     table = SAMPLE | {"grains": SAMPLE["grains"] | {"count": 300}}
     equal = build_setup(parse_scene(table), 3).grains
     scene = effective_scene(parse_scene(table | {"effects": {name: {"strength": strength}}}), load_library())
