@@ -1,6 +1,5 @@
 """Contact parameters follow from materials and pairs; laws and gravity from their sections."""
 
-from copy import deepcopy
 from typing import Any
 
 import pytest
@@ -13,7 +12,7 @@ from taichi_erosion.scene import build_setup, laws, parse_scene, scene_hash
 from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
 from taichi_erosion.scene.preparation.limits import explain
-from taichi_erosion.simulation.scene_setup import prepare
+from taichi_erosion.simulation.scene_setup import device_effects
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
 
@@ -57,31 +56,27 @@ def test_sticking_velocity_softening_scales_the_surface_energy_by_stiffness_to_t
     assert found[wall] == pytest.approx(0.02 * (soft / hard) ** 0.4)
 
 
-@pytest.mark.parametrize(("rule", "scale"), [("cohesive_stress", 8.0), ("bond_number", 64.0)])
-def test_larger_grains_keep_the_stress_of_adhesion_or_its_bond_number(rule: str, scale: float):
-    def adhesion(diameter: float, coarse: dict[str, object] | None) -> dict[str, float]:
-        table = changed("grains.coarse_graining", coarse) if coarse else good_table()
+@pytest.mark.parametrize(
+    ("rule", "scale", "same"),
+    [("cohesive_stress", 8.0, "tensile_strength"), ("bond_number", 64.0, "bond_number")],
+)
+def test_larger_grains_keep_the_stress_of_adhesion_or_its_bond_number(rule: str, scale: float, same: str):
+    numbers, pulls = [], []
+    for diameter, order in ((2.5e-4, None), (2e-3, {"rule": rule, "factor": 8.0})):
+        table = changed("grains.coarse_graining", order) | {"conditions": {"moisture": 0.02}}
+        table |= {"effects": {name: {"strength": 1.0} for name in ("liquid_bridge", "dry_adhesion")}}
         table["grains"]["size"] = {"law": "monodisperse", "diameter": diameter}
         table["laws"]["normal"] = "jkr"
         table["contact"]["soil-soil"]["surface_energy"] = 1e-4
-        return explain(parse_scene(table, overrides=["run.force_time_step=true"]))["adhesion"]
-
-    true, large = adhesion(2.5e-4, None), adhesion(2e-3, {"rule": rule, "factor": 8.0})
+        scene = parse_scene(table, overrides=["run.force_time_step=true"])
+        numbers.append(explain(scene)["adhesion"])
+        effects = device_effects(scene, load_library(), diameter)
+        pulls.append([effect.constants["pull"] for effect in effects])
+    true, large = numbers
     assert large["surface_energy"] == pytest.approx(scale * 1e-4)
-    of_rule = {"cohesive_stress": "tensile_strength", "bond_number": "bond_number"}
-    kept = {name for name in of_rule.values() if large[name] == pytest.approx(true[name])}
-    assert kept == {of_rule[rule]}
-
-
-@pytest.mark.parametrize("name", ["liquid_bridge", "dry_adhesion"])
-def test_pulls_of_effects_are_scaled_as_the_surface_energy_is(name: str):
-    library = load_library()
-    table = good_table() | {"effects": {name: {"strength": 1.0}}, "conditions": {"moisture": 0.02}}
-    true, large = (
-        prepare(parse_scene(deepcopy(table), overrides=overrides), 1, library).effects[0].constants
-        for overrides in ([], ["grains.coarse_graining={ rule = 'cohesive_stress', factor = 8 }"])
-    )
-    assert large == true | {"pull": 8.0 * true["pull"]}
+    equal = {name for name in ("tensile_strength", "bond_number") if large[name] == pytest.approx(true[name])}
+    assert equal == {same}
+    assert pulls[1] == pytest.approx([scale * pull for pull in pulls[0]])
 
 
 def test_effects_reach_and_change_every_contact_but_those_that_say_no():
