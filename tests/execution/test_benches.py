@@ -20,9 +20,7 @@ def test_a_hopper_empties_as_beverloo_says():
     flow = measured("hopper", "grains.count=900", "stages.1.duration_max=0.12", "stages.2.duration_max=0.01")
     diameter, outlet, density = 2e-3, 16e-3, 1500.0  # m, m, kg m-3 in bulk
     beverloo = 0.58 * density * sqrt(9.81) * (outlet - 1.4 * diameter) ** 2.5
-    assert flow["mass_flow"] == pytest.approx(
-        beverloo, rel=0.25
-    )  # the law is good to 15 %, few grains to 10 %
+    assert flow["mass_flow"] == pytest.approx(beverloo, rel=0.25)  # the law: 15 %, few grains: 10 %
 
 
 def test_a_sheared_layer_carries_its_load_and_slides_at_the_friction_of_soils():

@@ -33,9 +33,7 @@ def world() -> tuple[Snapshot, ContactNetwork]:
     second = np.array([j for _, j in pairs] + [-1, -1, -1])
     branch = np.where((second < 0)[:, None], [0.1, 0.2, 0.9], place[first] - place[second])
     force = rng.normal(size=branch.shape)
-    return snapshot(place, speed, rng.uniform(1.0, 2.0, 12)), network(
-        first, second, place[first], branch, force
-    )
+    return snapshot(place, speed, rng.uniform(1, 2, 12)), network(first, second, place[first], branch, force)
 
 
 def gaussian(away):

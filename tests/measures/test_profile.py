@@ -48,9 +48,7 @@ def test_a_crater_is_no_flank_and_a_heap_whose_foot_is_not_seen_is_refused():
 
 def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tmp_path: Path, capsys):
     table = tmp_path / "scans.csv"
-    rows = [
-        f"{w};{k};{x};{z:.2f}" for w in (0, 4) for k in (1, 2) for x, z in zip(P, cone(P) + w, strict=True)
-    ]
+    rows = [f"{w};{k};{x};{z:.2f}" for w in (0, 4) for k in "12" for x, z in zip(P, cone(P) + w, strict=True)]
     table.write_text("\n".join(["moisture [%];heap;radius [mm];z [cm]", *rows]))
     assert main(["measure", "profile", str(table)]) == 0
     columns, *heaps = [line.split(",") for line in (tmp_path / "scans_heaps.csv").read_text().splitlines()]

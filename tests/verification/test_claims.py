@@ -74,11 +74,9 @@ def test_a_failure_is_known_as_far_as_it_was_found() -> None:
 def test_failed_rows_of_the_page_are_the_known_failures_and_have_a_reason() -> None:
     text = PAGE.read_text("utf-8")
     failed = [line for line in text.splitlines() if "**NO**" in line]
-    explained = [
-        [row for row in failed if f"| {known.id} |" in row and known.words in row] for known in KNOWN
-    ]
-    assert all(explained)
-    assert set().union(*explained) == set(failed)
+    expected = [[row for row in failed if f"| {known.id} |" in row and known.words in row] for known in KNOWN]
+    assert all(expected)
+    assert set().union(*expected) == set(failed)
     assert all(known.id in text.partition("## What does not ")[2] for known in KNOWN)
 
 

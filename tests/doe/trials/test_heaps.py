@@ -51,9 +51,7 @@ def test_laws_outside_the_list_change_what_the_truth_says_and_nothing_else():
         dry = grains_of(case, DIAMETERS[0], 0.0, 0.0)
         for at in ((2, 0.0, 0.0), (1, 0.015, 0.0), (1, 0.0, 1.0)) if case["outside"] else ():
             there = grains_of(case, at[0] * DIAMETERS[0], *at[1:])
-            axis = ("diameter", "moisture", "angularity")[
-                [at[0] == 2, *(x > 0.0 for x in at[1:])].index(True)
-            ]
+            axis = ("diameter", "moisture", "angularity")[[at[0] == 2, *(x > 0 for x in at[1:])].index(True)]
             for number in ("sliding", "rolling"):
                 factor = getattr(there, number) / getattr(dry, number)
                 along = [ln for key, axis_of, ln in LAWS[case["outside"]] if (key, axis_of) == (number, axis)]

@@ -150,14 +150,12 @@ def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: in
     found = infer(FAMILIES[family](seed, 0).problem, 0)
     rows = found.race.prepared.rows
     at = np.array([0, 3, 3, rows.size - 1, 7])
-    stated = {
-        name: np.append(column[at[:-1]], 1.7 * column.max()) for name, column in rows.conditions.items()
-    }
+    new = {name: np.append(column[at[:-1]], 1.7 * column.max()) for name, column in rows.conditions.items()}
 
     def ends(chosen: list[int]) -> np.ndarray:
         names = tuple(rows.names[at[k]] for k in chosen)
         group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
-        wanted = NewConditions(names, {name: column[chosen] for name, column in stated.items()}, group)
+        wanted = NewConditions(names, {name: column[chosen] for name, column in new.items()}, group)
         told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, wanted)))
         both = [told.intervals(sd) for sd in (told.mean, told.measured)]
         return np.array([[(one.value, one.low, one.high) for one in each] for each in both])

@@ -117,9 +117,7 @@ def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
 def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_path):
     path = write_study(tmp_path, {})
     table = tmp_path / "heap.csv"
-    table.write_text(
-        table.read_text("utf-8") + "threshold_u_star,no transport,,m/s,a,0.01,0.2,made\n", "utf-8"
-    )
+    table.write_text(table.read_text() + "threshold_u_star,no transport,,m/s,a,0.01,0.2,made\n", "utf-8")
     with pytest.raises(BadInput, match=r"row 98, value is empty: write '<' and the least value that is seen"):
         load_study(path)
     path.write_text(GOOD.replace('transform = "log"', 'transform = "log_floor"\nfloor = 0.05'), "utf-8")

@@ -98,8 +98,6 @@ def test_softening_is_told_with_its_rule_and_its_factor():
 
 @pytest.mark.parametrize(("width", "warned"), [(5.1, False), (4.9, True)])
 def test_a_funnel_in_which_grains_may_arch_is_warned_of(width: float, warned: bool):
-    largest = explain(load_scene(SOURCE / "funnel_repose.toml"))["diameter"]["high"]
-    scene = load_scene(
-        SOURCE / "funnel_repose.toml", [f"geometry.funnel.outlet_radius={width * largest / 2}"]
-    )
+    grain = explain(load_scene(SOURCE / "funnel_repose.toml"))["diameter"]["high"]
+    scene = load_scene(SOURCE / "funnel_repose.toml", [f"geometry.funnel.outlet_radius={width * grain / 2}"])
     assert any("geometry.funnel" in line for line in explain(scene)["warnings"]) == warned

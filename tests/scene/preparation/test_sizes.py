@@ -123,10 +123,8 @@ def test_overlapping_spheres_count_their_common_volume_once():
 def test_turning_a_body_leaves_its_principal_moments():
     centres, radii = [[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 0.4, 0.2]], (0.5, 0.3, 0.25)
     turned = Rotation.from_euler("xyz", (0.4, -0.7, 1.1)).apply(centres).tolist()
-    first, other = (
-        quadrature(tuple(zip(map(tuple, each), radii, strict=True))) for each in (centres, turned)
-    )
-    assert other.inertia == pytest.approx(first.inertia, rel=COUNTING)
+    one, other = (quadrature(tuple(zip(map(tuple, each), radii, strict=True))) for each in (centres, turned))
+    assert other.inertia == pytest.approx(one.inertia, rel=COUNTING)
 
 
 @pytest.mark.parametrize(("template", "count"), [("pair", 2), ("tripod", 3), ("tetrahedron", 4)])

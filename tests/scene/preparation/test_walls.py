@@ -85,9 +85,7 @@ def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_p
     assert distance_to_wall(scene, "floor", points) == pytest.approx([0.6, 0.55, 0.74])
     assert distance_to_wall(scene, "tube", points) == pytest.approx([0.02, 0.04, 0.04])
     middle = [[0.0, 0.0, 0.07], [0.0, 0.0, 0.04]]  # outlet 0.01 at 0.05, rim 0.04 at 0.09: a slope of 4 in 3
-    assert distance_to_wall(scene, "funnel", np.array(middle)) == pytest.approx(
-        [0.025 * 0.8, 0.01 * sqrt(2.0)]
-    )
+    assert distance_to_wall(scene, "funnel", np.array(middle)) == pytest.approx([0.025 * 0.8, 0.01 * sqrt(2)])
 
 
 ROWS = [[0.0] * 7, [1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 3.0], [3.0, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0]]

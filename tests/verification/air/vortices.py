@@ -50,9 +50,7 @@ def refined(values: Floats, axis: int) -> Floats:
     """Face velocities of a grid [n + 1 or n, n or n + 1] on the one twice as fine; `axis` counts faces."""
     for k, count in enumerate(values.shape):
         fine = 2 * count - 1 if k == axis else 2 * count
-        old, new = (
-            np.linspace(0.0, 1.0, n) if k == axis else (np.arange(n) + 0.5) / n for n in (count, fine)
-        )
+        old, new = (np.linspace(0, 1, n) if k == axis else (np.arange(n) + 0.5) / n for n in (count, fine))
         values = make_interp_spline(old, values, k=1, axis=k)(new)
     return values
 

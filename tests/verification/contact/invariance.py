@@ -137,14 +137,12 @@ def energy_balance() -> Iterator[Outcome]:
     setups = [gas(STIFF, 50.0, seed=1), gas(ROUGH, 50.0, seed=2)]
     times = np.linspace(0.0, 0.05, 201)[1:]
     for precision in PRECISIONS:
-        sim, found = small.simulation_of(setups, precision, LAWS), []
+        sim, sums = small.simulation_of(setups, precision, LAWS), []
         for time in times:
             small.advance_all(sim, time)
             parts = [totals(sim, replica) for replica in range(len(setups))]
-            found.append(
-                [p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts]
-            )
-        conserved, lost = np.array(found).T
+            sums.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
+        conserved, lost = np.array(sums).T
         error = conserved / conserved[0] - 1.0
         yield below("conservative gas: change of energy, relative", error, 1e-4, precision)
         rise = np.maximum(np.diff(lost), 0.0) / lost[0]
