@@ -68,15 +68,9 @@ class Tree:
         }
 
     def call(self, *words: str, cwd: Path | None = None, **environment: str):
-        return subprocess.run(
-            [sys.executable, str(self.root / "erosion"), *words],
-            cwd=cwd or self.root,
-            env=self.environment | environment,
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
+        command, folder = [sys.executable, str(self.root / "erosion"), *words], cwd or self.root
+        quiet = {"capture_output": True, "text": True, "timeout": 600, "check": False}
+        return subprocess.run(command, cwd=folder, env=self.environment | environment, **quiet)
 
     def installations(self) -> list[str]:
         """What the installer was asked for by its first words, since the last question."""

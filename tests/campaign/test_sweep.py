@@ -21,13 +21,8 @@ def simulated(requests: list[RunRequest], ledger, workers, scheduler, progress) 
         friction = request.payload["scene"]["contact"]["grain-grain"]["friction_sliding"]
         seed = request.payload["seed"]
         lacks = [{"blocks": friction > 0.2 and seed == 2, "stated": False, "sentence": "too small"}]
-        one = {
-            "value": 10.0 * friction + 1e-3 * seed,
-            "sd": 0.5,
-            "unit": "m",
-            "notes": [],
-            "shortfalls": lacks[:1],
-        }
+        one = {"value": 10.0 * friction + 1e-3 * seed, "sd": 0.5, "unit": "m", "notes": []}
+        one |= {"shortfalls": lacks[:1]}
         measures = {} if seed == 1 else {"pile_height": one}
         failure = "lost grains" if seed == 1 else None
         results.append(RunResult(request.key, {"measures": measures}, failure))

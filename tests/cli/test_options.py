@@ -52,13 +52,7 @@ def test_every_command_has_examples_that_name_options_and_files_that_are_there()
 def test_shells_can_complete_commands_under_the_name_they_were_called_by() -> None:
     named = {"TAICHI_EROSION_NAME": "erosion", "_EROSION_COMPLETE": "complete_bash"}
     typed = {"COMP_WORDS": "erosion me", "COMP_CWORD": "1"}
-    answer = subprocess.run(
-        [sys.executable, "-m", "taichi_erosion"],
-        env={**os.environ, **named, **typed},
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command, places = [sys.executable, "-m", "taichi_erosion"], {**os.environ, **named, **typed}
+    answer = subprocess.run(command, env=places, cwd=ROOT, capture_output=True, text=True, check=False)
     assert "measure" in answer.stdout
     assert "verify" not in answer.stdout

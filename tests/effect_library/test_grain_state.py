@@ -46,14 +46,8 @@ def no_pull(constants, pair, state_i, state_j):
     return 0.0 * constants.nothing
 
 
-MARK = replace(
-    LIBRARY["ageing_pull"],
-    name="mark",
-    act=no_pull,
-    grain_state=Mark,
-    update_state=note,
-    constants=lambda params, strength, conditions: {"nothing": 0.0},
-)
+MARK = replace(LIBRARY["ageing_pull"], name="mark", act=no_pull, grain_state=Mark, update_state=note)
+MARK = replace(MARK, constants=lambda params, strength, conditions: {"nothing": 0.0})
 
 
 def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:

@@ -27,18 +27,9 @@ HEIGHT = 0.01  # m
 VELOCITY = np.array([0.8, 0.1, -0.3])  # m s-1, of the grain
 TIMES = np.linspace(0.0, 1.0, 40)  # s, fifty timescales
 TIME = 0.15  # s, of a strong gust
-GRAIN: dict[str, Any] = {
-    "velocity": tuple(VELOCITY),
-    "air_velocity": (WIND, 0.0, 0.0),
-    "radius": RADIUS,
-    "mass": 2.0e-8,
-    "height": HEIGHT,
-    "air_density": DENSITY,
-    "air_viscosity": VISCOSITY,
-    "friction_velocity": FRICTION_VELOCITY,
-    "chance": CHANCE,
-    "void_fraction": 1.0,
-}
+GRAIN: dict[str, Any] = {"velocity": tuple(VELOCITY), "radius": RADIUS, "mass": 2.0e-8, "height": HEIGHT}
+GRAIN |= {"air_velocity": (WIND, 0.0, 0.0), "air_density": DENSITY, "air_viscosity": VISCOSITY}
+GRAIN |= {"friction_velocity": FRICTION_VELOCITY, "chance": CHANCE, "void_fraction": 1.0}
 
 
 @pytest.fixture(autouse=True, scope="module")

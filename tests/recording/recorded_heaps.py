@@ -99,14 +99,9 @@ def record_heap(path: Path) -> list[Snapshot]:
 def write_elsewhere(program: str, *words: object) -> subprocess.CompletedProcess[str]:
     """A program that records in a process of its own, and may import from the folder of these tests."""
     places = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    return subprocess.run(
-        [sys.executable, "-c", program, *map(str, words)],
-        env=os.environ | {"PYTHONPATH": places},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
+    command, environment = [sys.executable, "-c", program, *map(str, words)], {"PYTHONPATH": places}
+    environment = os.environ | environment
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
 
 
 def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 0.0) -> Snapshot:

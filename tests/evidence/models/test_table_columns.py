@@ -29,13 +29,8 @@ COLUMNS: dict[str, tuple[str, float, float]] = {
     "J m-2": ("mN/m", 72.0, 0.072),
 }
 MOTION = ("s, m s-1, rad s-1", "m s-1 or rad s-1")
-NO_NUMBER = (
-    "unit of the observable",
-    "m, m, any mass",
-    "m per file unit",
-    "unit",
-    *MOTION,
-)  # not set by columns
+# not set by columns
+NO_NUMBER = ("unit of the observable", "m, m, any mass", "m per file unit", "unit", *MOTION)
 KEYS = {"contact": "soil-steel", "effects": "liquid_bridge"}  # names that stand for any key of a table
 
 

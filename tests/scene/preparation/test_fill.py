@@ -150,15 +150,11 @@ def test_changing_the_sizes_leaves_the_places_of_rain_alone():
     assert not np.array_equal(first.radius, other.radius)
 
 
+GROWN = ("sheltering", "sieve_diameter", "grain_shape")
+
+
 @pytest.mark.parametrize(
-    ("name", "strength"),
-    [
-        ("size_distribution", 0.3),
-        ("size_distribution", 1.9),
-        ("sheltering", 1.0),
-        ("sieve_diameter", 1.0),
-        ("grain_shape", 1.0),
-    ],
+    ("name", "strength"), [*(("size_distribution", x) for x in (0.3, 1.9)), *((x, 1.0) for x in GROWN)]
 )
 def test_coarse_and_spread_grains_start_clear_and_as_low_as_equal_ones(name: str, strength: float):
     table = SAMPLE | {"grains": SAMPLE["grains"] | {"count": 300}}

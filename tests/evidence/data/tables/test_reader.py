@@ -28,9 +28,7 @@ LYING = "Probe;A;B;C\nKorngröße [µm];90;250;500\nFeuchte in %;0;1;2\nBöschun
 INSIDE = "\n0,5;31,0;34,2;36,1\n1,0;30,5;32,0;33,1\n2,0;30,1;30,8;31,5\n"
 
 
-def workbook(
-    *sheets: tuple[tuple, ...], merged: tuple[str, ...] = (), percent: tuple[str, ...] = ()
-) -> bytes:
+def workbook(*sheets: tuple[tuple, ...], merged: tuple[str, ...] = (), shares: tuple[str, ...] = ()) -> bytes:
     book, content = openpyxl.Workbook(), io.BytesIO()
     for place, rows in enumerate(sheets):
         sheet = book.create_sheet() if place else book.worksheets[0]
@@ -38,7 +36,7 @@ def workbook(
             sheet.append(row)
     for cells in merged:
         book.worksheets[0].merge_cells(cells)
-    for cell in percent:
+    for cell in shares:
         book.worksheets[0][cell].number_format = "0.0%"
     book.save(content)
     return content.getvalue()
@@ -190,7 +188,7 @@ def test_rows_keep_their_number_in_the_file_and_their_source(tmp_path):
 
 
 def test_a_percentage_of_a_workbook_is_what_it_shows(tmp_path):
-    book = workbook((("w [%]", "angle of repose [deg]"), (0.016, 33.5)), percent=("A2",))
+    book = workbook((("w [%]", "angle of repose [deg]"), (0.016, 33.5)), shares=("A2",))
     assert read(tmp_path, book, "t.xlsx").rows[0].conditions == (1.6,)
 
 

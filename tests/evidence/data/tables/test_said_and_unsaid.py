@@ -16,14 +16,8 @@ from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
 
-SANDS = [
-    (0.25, 0, 0.233),
-    (0.25, 0.6, 0.299),
-    (0.5, 0, 0.319),
-    (0.5, 0.6, 0.445),
-    (1, 0, 0.472),
-    (1, 0.6, 0.606),
-]
+SANDS = [(0.25, 0, 0.233), (0.25, 0.6, 0.299), (0.5, 0, 0.319)]
+SANDS += [(0.5, 0.6, 0.445), (1, 0, 0.472), (1, 0.6, 0.606)]
 HEAD = "d [mm],moisture [%],u*t [m/s],SD [m/s]\n"
 BLANK = HEAD + "".join(f"{'' if w else d},{w},{u},0.01\n" for d, w, u in SANDS)
 HEAP = "moisture (%);angle of repose (deg);SD;{}\n"
