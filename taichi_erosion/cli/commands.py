@@ -79,9 +79,9 @@ def typed_options(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def print_version(requested: bool) -> None:
+def print_version(flag: bool) -> None:
     """Print the version, then those of the engine and of Python, and exit."""
-    if requested:
+    if flag:
         typer.echo(__version__)
         typer.echo(f"engine {engine_name()} {engine_version()}, Python {platform.python_version()}")
         raise typer.Exit

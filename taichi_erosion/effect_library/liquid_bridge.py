@@ -61,8 +61,8 @@ class Params:
 def free_water(params: Params, conditions: Mapping[str, Any]) -> Any:
     """Moisture that forms necks [kg kg-1]: clay adsorbs the rest; Fecan et al. (1999), eq. (14)."""
     clay = np.asarray(conditions.get("clay_fraction", 0.0))
-    adsorbed = params.adsorbed + CLAY_SQUARE * clay**2 + CLAY_LINEAR * clay
-    return np.maximum(np.asarray(conditions.get("moisture", 0.0)) - adsorbed, 0.0)
+    in_films = params.adsorbed + CLAY_SQUARE * clay**2 + CLAY_LINEAR * clay
+    return np.maximum(np.asarray(conditions.get("moisture", 0.0)) - in_films, 0.0)
 
 
 def dose(params: Params, conditions: Mapping[str, Any]) -> Any:

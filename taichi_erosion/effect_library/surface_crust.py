@@ -110,10 +110,10 @@ FULL = 2e4 * pi * (0.05 * 1e-4) ** 2  # two grains of 0.1 mm radius: R = 0.1 mm 
 
 
 def checks(probe: Probe) -> Checks:
-    beside = replace(SET, x=0.01 - 2e-4)  # of two grains that touched when they set
+    second = replace(SET, x=0.01 - 2e-4)  # of two grains that touched when they set
 
     def force(
-        x: float, y: float, along: int, state_i: State = SET, state_j: State = beside, **rest: object
+        x: float, y: float, along: int, state_i: State = SET, state_j: State = second, **rest: object
     ) -> float:
         """Force on grain i that is (x, y) from its place, against that displacement."""
         members = {"radius_i": 1e-4, "radius_j": 1e-4, "radius_effective": 5e-5, "normal": (1.0, 0.0, 0.0)}
@@ -139,7 +139,7 @@ def checks(probe: Probe) -> Checks:
     yield Check("a bond reaches across the edge of a periodic box", across, 0.5 * FULL, **loose)
     yield Check("the neck to a wall has four times the section", to_wall(3.98e-6), 3.98 * FULL, **loose)
     yield Check("a loose grain sticks to no other", force(1e-6, 0.0, 0, BROKEN), 0.0)
-    yield Check("nor does another to a loose one", force(1e-6, 0.0, 0, SET, replace(beside, calm=LOOSE)), 0.0)
+    yield Check("nor does another to a loose one", force(1e-6, 0.0, 0, SET, replace(second, calm=LOOSE)), 0.0)
     yield Check("nor a loose one to a wall", to_wall(1e-6, BROKEN), 0.0)
     yield Check("a cement that has not set holds nothing", force(1e-6, 0.0, 0, SETTING), 0.0)
     yield from memory_checks(probe)

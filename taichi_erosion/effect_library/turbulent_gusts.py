@@ -112,8 +112,8 @@ def gust(constants, grain):
         layers = ti.max(grain.height, 0.0) * friction * grain.air_density / grain.air_viscosity
         upward = ti.min(constants.upward, constants.wall_upward * layers * layers)
         correlation = constants.correlation
-        apart = ti.sqrt(1.0 - correlation * correlation)
-        change[2] = upward * friction * (correlation * along + apart * other)
+        rest = ti.sqrt(1.0 - correlation * correlation)
+        change[2] = upward * friction * (correlation * along + rest * other)
     return change
 
 

@@ -90,8 +90,8 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
             callback(ensemble)
     if ensemble.repeats:
         scene = ensemble.scenes[0]
-        ended = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
-        stages.measure_stage(sim, scene, len(scene.stages) - 1, ended)
+        final_states = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
+        stages.measure_stage(sim, scene, len(scene.stages) - 1, final_states)
 
 
 def run_interval(ensemble: EnsembleRun) -> None:
@@ -139,11 +139,11 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: stages.ReplicaSta
     does not hold; there the check is off.
     """
     translation, rotation, potential, elastic, _, released = ensemble.sums[replica]
-    sim, begun = ensemble.sim, ensemble.scenes[replica].stages[: state.stage + 1]
+    sim, past_stages = ensemble.sim, ensemble.scenes[replica].stages[: state.stage + 1]
     now = float(translation + rotation + potential + elastic)
     before = state.energy if released == state.released else None
     state.released = int(released)
-    moving = any(stage.move for stage in begun)  # one may still move
+    moving = any(stage.move for stage in past_stages)  # one may still move
     driven = sim.laws.normal == "jkr" or sim.world.driven or sim.world.pair_effects.any
     state.energy = None if moving or driven else now
     if before is None or state.energy is None:

@@ -148,8 +148,8 @@ class MeasureInput:
     @property
     def fallen_words(self) -> str:
         """How many grains fell off the plate, in words; empty where none did."""
-        whole, gone = self.end.radius.size + self.end.removed, self.fallen_grains
-        return f"{gone:,} of {whole:,} grains fell off the plate; the others are measured" if gone else ""
+        whole, loss = self.end.radius.size + self.end.removed, self.fallen_grains
+        return f"{loss:,} of {whole:,} grains fell off the plate; the others are measured" if loss else ""
 
     @cached_property
     def landings(self) -> splash.Splash:

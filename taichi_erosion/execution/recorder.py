@@ -231,12 +231,12 @@ def silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Picture:
     above = state.position[:, 2] > 0.0
     for azimuth in np.unique(lines[:, 0]):
         turn = float(np.radians(azimuth))
-        drawn = draw_silhouette(state.position[above], state.radius[above], turn, 0.0, grain)
-        mask = largest_body(drawn.image)
+        silhouette = draw_silhouette(state.position[above], state.radius[above], turn, 0.0, grain)
+        mask = largest_body(silhouette.image)
         columns = np.flatnonzero(mask.any(axis=0))
         ends = lines[lines[:, 0] == azimuth][:, 1:].reshape(-1, 2, 2)
-        column = (ends[..., 0] - drawn.left) / drawn.pixel - columns[0]
-        flanks.append(np.stack([column, mask.shape[0] - ends[..., 1] / drawn.pixel], axis=-1))
+        column = (ends[..., 0] - silhouette.left) / silhouette.pixel - columns[0]
+        flanks.append(np.stack([column, mask.shape[0] - ends[..., 1] / silhouette.pixel], axis=-1))
         masks.append(mask[:, columns[0] : columns[-1] + 1])
         captions.append(f"{azimuth:.0f}")
     return pictures.silhouette_grid(masks, flanks, captions)

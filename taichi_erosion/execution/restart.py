@@ -33,13 +33,13 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
     old, new = (dict(leaves({**table, "stages": dict(enumerate(table["stages"]))})) for table in tables)
     changed = [path for path in {**old, **new} if old.get(path, []) != new.get(path, [])]
     changed = [path for path in changed if path not in ("run.seed", "run.replicas")]
-    begun = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
-    wrong = [path for path in changed if not may_change(path, scene, begun)]
+    stage = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
+    wrong = [path for path in changed if not may_change(path, scene, stage)]
     if wrong or not changed:
         words = ", ".join(wrong[:MOST_TOLD]) or "an effect or a mesh"
         other = "fill = { law = 'bed', file = ... } begins a new run with its grains"
         raise BadInput(f"{file}: {words} differs from that of the checkpoint; {WORDS} may change; {other}")
-    if all(replica["finished"] for replica in meta["replicas"]) and begun + 1 >= len(scene.stages):
+    if all(replica["finished"] for replica in meta["replicas"]) and stage + 1 >= len(scene.stages):
         raise BadInput(f"{file}: all stages had ended; add one to the scene for what is to happen now")
     return changed
 

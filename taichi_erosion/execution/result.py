@@ -155,8 +155,8 @@ def run_document(
     **entries: Any,
 ) -> dict[str, Any]:
     """The document of a run; `entries` are those that differ between grains and air alone."""
-    measured = comparable(path, scene)
-    if len(measured) < len(scene.measured):
+    comparisons = comparable(path, scene)
+    if len(comparisons) < len(scene.measured):
         warning = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
         entries["limits"]["warnings"].append(warning)
     return {
@@ -166,7 +166,7 @@ def run_document(
         "seed": replicas[0]["seed"],
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
-        "measured": measured,
+        "measured": comparisons,
         "recording": None,
         **entries,
         "resolved": resolve(scene),

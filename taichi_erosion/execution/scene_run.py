@@ -200,7 +200,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
-    pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
+    pooled = {name: pool_beds([bed[name] for bed in measured if name in bed]) for name in names}
     return result.run_document(
         path,
         scene,

@@ -204,11 +204,11 @@ def set_entry(session: Session, path: str, value: str) -> str:
         raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
     if session.latest_change[0] != path or monotonic() - session.latest_change[1] > SAME_CHANGE:
         keep_state(session, is_due=True)
-    done = apply_change(session, scene, library, set(changed))
+    outcome = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
     session.history.append(f"set {path} {quote(value)}")
     session.latest_change = path, monotonic()
-    return done
+    return outcome
 
 
 def warnings_now(session: Session) -> list[str]:
@@ -427,7 +427,7 @@ def watch(session: Session, *names: str) -> None:
     """Keep measures too at every check, beside the status. Raises BadInput for an unknown name."""
     for name in names:
         refuse_unknown_number(session, name)
-    units = {name: found.unit for name, found in measure_now(session).items()}
+    units = {name: entry.unit for name, entry in measure_now(session).items()}
     session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
@@ -435,7 +435,7 @@ def keep_sample(session: Session) -> None:
     """Keep the numbers of this moment; those of a later time, from before a return, go."""
     now = status_numbers(session)
     if not set(session.watched) <= set(now):
-        now |= {name: found.value for name, found in measure_now(session).items() if name in session.watched}
+        now |= {name: entry.value for name, entry in measure_now(session).items() if name in session.watched}
     while session.samples and session.samples[-1]["time_s"] >= now["time_s"]:
         session.samples.pop()
     session.samples.append(now)

@@ -303,8 +303,8 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
 
     Factors may also be named by their places, A, B ... or x1, x2 ..., where no heading is such a name.
     """
-    printed, factor_names = short_names(text), [short_names(name) for name in names]
-    if printed[0] in ("1", "intercept", "constant"):
+    short, factor_names = short_names(text), [short_names(name) for name in names]
+    if short[0] in ("1", "intercept", "constant"):
         return (0,) * len(names)
     used_names = {each for words in factor_names for each in words}
     for k, letters in enumerate(factor_names):
@@ -315,7 +315,7 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
             for own, power in zip(factor_names, term, strict=True)
             if power
         ]
-        if any("".join(form) in printed for order in permutations(forms) for form in product(*order)):
+        if any("".join(form) in short for order in permutations(forms) for form in product(*order)):
             return term
     raise BadInput(f"term '{text}': must be a product of {', '.join(names)}, such as {names[0]}^2")
 

@@ -54,8 +54,8 @@ def linear_terms(count: int) -> tuple[Term, ...]:
 
 def interaction_terms(count: int, order: int = 2) -> tuple[Term, ...]:
     """Products of `order` different factors: A B, A C, B C ..."""
-    chosen = combinations(range(count), order)
-    return tuple(tuple(int(k in factors) for k in range(count)) for factors in chosen)
+    model = combinations(range(count), order)
+    return tuple(tuple(int(k in factors) for k in range(count)) for factors in model)
 
 
 def model_terms(count: int, order: Order) -> tuple[Term, ...]:
@@ -170,15 +170,15 @@ class Fit:
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:
     """Fit a model to one response; raises BadInput where the runs do not determine it."""
-    chosen = model_terms(len(design.factors), terms) if isinstance(terms, str) else tuple(terms)
+    model = model_terms(len(design.factors), terms) if isinstance(terms, str) else tuple(terms)
     values = design.responses[response]
     rows = np.flatnonzero(np.isfinite(values))
-    fit = Fit(response, design.factors, chosen, design.coded[rows], values[rows], rows)
-    rank = np.linalg.matrix_rank(model_matrix(fit.coded, chosen)) if len(rows) else 0
-    if rank < 1 + len(chosen):
+    fit = Fit(response, design.factors, model, design.coded[rows], values[rows], rows)
+    rank = np.linalg.matrix_rank(model_matrix(fit.coded, model)) if len(rows) else 0
+    if rank < 1 + len(model):
         raise BadInput(
             f"{design.name}, {response}: {len(rows)} runs with a result tell {rank} coefficients apart, the "
-            f"model has {1 + len(chosen)}"
+            f"model has {1 + len(model)}"
         )
     return fit
 

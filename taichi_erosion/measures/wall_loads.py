@@ -75,9 +75,9 @@ def strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
     if not normal.any():
         return "no grain presses on the walls"
     mean = np.ones(width) / width
-    pressed = np.maximum(np.convolve(np.abs(normal), mean, "valid"), TINY)
+    smooth_load = np.maximum(np.convolve(np.abs(normal), mean, "valid"), TINY)
     return Strength(
-        across, np.abs(normal), int(np.argmax(np.convolve(across, mean, "valid") / pressed)), width
+        across, np.abs(normal), int(np.argmax(np.convolve(across, mean, "valid") / smooth_load)), width
     )
 
 
@@ -92,10 +92,10 @@ def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
     name = "friction_angle"
     if isinstance(peak := strength(loads, axis), str):
         return no_measurement(name, "deg", peak)
-    ratio, pressed = peak.ratio, float(peak.in_window(peak.normal).mean())
-    window = peak.in_window(peak.across) / pressed
+    ratio, load = peak.ratio, float(peak.in_window(peak.normal).mean())
+    window = peak.in_window(peak.across) / load
     error = float(np.std(window, ddof=1)) / sqrt(peak.width) / (1.0 + ratio**2) if peak.width > 1 else nan
-    details = {"peak": ratio, "normal_force": pressed}
+    details = {"peak": ratio, "normal_force": load}
     return Measurement(name, degrees(atan(ratio)), degrees(error), "deg", details=details)
 
 

@@ -55,8 +55,8 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
         if mechanism.place == "scene":
             scene = sample_scene(wind=WIND)
             got = probe(params, conditions, scene=scene)
-            expected = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
-            numbers = (numbers_in(resolve(each)) for each in (got, expected))
+            want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+            numbers = (numbers_in(resolve(each)) for each in (got, want))
             apart = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
             yield Check(claim, max(apart), 0.0, atol=1e-4)
         else:

@@ -83,13 +83,13 @@ def draw_measures(document: Document) -> Picture | None:
         columns = min(len(names), COLUMNS) if width == WIDE else 1
         figure, frames = panels(len(names), columns, (min(width / columns, MOST_WIDE), 2.6))
         for frame, name in zip(frames, names, strict=True):
-            pooled, measured = document["measures"][name], document["measured"].get(name)
+            pooled, datum = document["measures"][name], document["measured"].get(name)
             seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
             values = [nan if value is None else value for value in seeds]
-            if measured:
-                sd = measured.get("sd") or 0.0
-                frame.axhspan(measured["value"] - sd, measured["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
-                frame.axhline(measured["value"], color=BEFORE, lw=1.0)
+            if datum:
+                sd = datum.get("sd") or 0.0
+                frame.axhspan(datum["value"] - sd, datum["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
+                frame.axhline(datum["value"], color=BEFORE, lw=1.0)
             frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
             frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
             frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))

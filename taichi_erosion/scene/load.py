@@ -198,7 +198,7 @@ def problem_lines(error: ValidationError, table: Any, diameter: float | None = N
 def problem_line(entry: Any, table: Any) -> str:
     """`grains.count = -3 lies outside [1, 5e+06]`."""
     kind, context = entry["type"], entry.get("ctx", {})
-    words, entered = place_in_file(entry["loc"], table)
+    words, value_there = place_in_file(entry["loc"], table)
     where, tag = dotted_path(words), context.get("discriminator", "").strip("'")
     if kind == "unknown":
         return f"{dotted_path([*words, context['key']])} is unknown; {context['hint']}"
@@ -212,7 +212,7 @@ def problem_line(entry: Any, table: Any) -> str:
         return f"{where}.{tag} = {short_value(context['tag'])} is not one of {context['expected_tags']}"
     value = short_value(entry["input"])
     if words and words[-1].endswith(DIAMETERS):
-        value = f"{short_value(entered)} diameters: {value}"
+        value = f"{short_value(value_there)} diameters: {value}"
     text = entry["msg"].replace("Input should be", "is not one of" if kind == "literal_error" else "must be")
     return f"{where} = {value} {SENTENCES.get(kind, text[:1].lower() + text[1:])}"
 

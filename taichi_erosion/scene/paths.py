@@ -93,9 +93,9 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
             yield "  a list, each entry a section with"
             yield from (f"  {line}" for line in entries)
         within = option.get("properties", {})
-        if (named := named_section(option)) is not None:
+        if (has_names := named_section(option)) is not None:
             yield "  names of your own, each a section with"
-            yield from (f"  {line}" for line in lines_below(schema, named))
+            yield from (f"  {line}" for line in lines_below(schema, has_names))
         for name, entry in sorted(within.items(), key=lambda item: "const" not in item[1]):
             if "const" in entry:
                 yield f'  {name} = "{entry["const"]}", with'
@@ -173,8 +173,8 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
             branch = components[int(key)] if int(key) < len(components) else option.get("items")
         elif branch is None:
             items = option.get("items", {})
-            named = any("name" in each.get("properties", ()) for each in options(schema, items))
-            branch = items if named else named_section(option)
+            has_names = any("name" in each.get("properties", ()) for each in options(schema, items))
+            branch = items if has_names else named_section(option)
         if isinstance(branch, dict):
             yield branch
 

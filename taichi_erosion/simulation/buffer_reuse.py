@@ -50,7 +50,7 @@ def reuse_or_assemble(
 
 def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: Numerics) -> bool:
     """Whether an ensemble would compile what the one before has compiled, and fits in its fields."""
-    needed = initial_capacities(setups, numerics.by_grain)
+    demand = initial_capacities(setups, numerics.by_grain)
     same_laws = (before.laws, before.numerics) == (laws, numerics)
     alike = (before.setups[0].clumps is None) == (setups[0].clumps is None)
     without_air = not before.coupling.has_air and all(setup.air is None for setup in setups)
@@ -58,8 +58,8 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
         same_laws
         and alike
         and without_air
-        and all(getattr(before.capacities, f.name) >= getattr(needed, f.name) for f in fields(Capacities))
-        and before.capacities.materials == needed.materials  # tables of contacts have the same size
+        and all(getattr(before.capacities, f.name) >= getattr(demand, f.name) for f in fields(Capacities))
+        and before.capacities.materials == demand.materials  # tables of contacts have the same size
         and has_same_effects(before, setups)
     )
 

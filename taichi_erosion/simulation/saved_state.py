@@ -143,10 +143,10 @@ def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: in
 
 def in_room(saved: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
     """Numbers by replica and partition in a field of another size, zero where none is saved."""
-    resized = np.zeros(room, saved.dtype)
+    column = np.zeros(room, saved.dtype)
     rows, columns = np.minimum(saved.shape, room)
-    resized[:rows, :columns] = saved[:rows, :columns]
-    return resized
+    column[:rows, :columns] = saved[:rows, :columns]
+    return column
 
 
 def import_state(sim: Simulation, state: Arrays) -> None:

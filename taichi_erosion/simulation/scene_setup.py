@@ -21,14 +21,14 @@ def circumstances_of(after: Scene) -> dict[str, float]:
 
     The scene is that after the effects that change it.
     """
-    derived = {
+    of_scene = {
         "grain_diameter": nominal_diameter(after.grains),
         "adhesion_scale": after.grains.adhesion_scale,
     }
     if after.wind is not None:
-        derived["bed_height"] = surface_height(after, after.wind)
-        derived["density_ratio"] = after.grain_density / after.wind.density
-    return after.conditions.stated_values() | derived
+        of_scene["bed_height"] = surface_height(after, after.wind)
+        of_scene["density_ratio"] = after.grain_density / after.wind.density
+    return after.conditions.stated_values() | of_scene
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:

@@ -142,9 +142,9 @@ def restates(column: Numbers, result: Numbers) -> bool:
     basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
     steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-300)
-    left = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
+    variance = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
     rounding = (last_digit(x) ** 2 + np.mean(steep**2) * last_digit(y) ** 2) / 12.0
-    return bool(left < max(ROUNDED * rounding, EXACT * np.var(x)))
+    return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))
 
 
 def last_digit(values: Numbers) -> float:

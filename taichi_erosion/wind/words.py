@@ -31,8 +31,8 @@ def flux_table(document: Document) -> Table:
     """Flux by wind [g/(m s)]: simulated, by the formulas, measured; without columns that are empty."""
 
     def grams(measure: Document) -> str:
-        scaled = {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
-        return with_deviation({**measure, **scaled})
+        numbers = {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
+        return with_deviation({**measure, **numbers})
 
     runs, measured, laws = document["runs"], document["measured"], tuple(document["flux"][0])
     head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measured))

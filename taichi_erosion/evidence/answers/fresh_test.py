@@ -296,12 +296,12 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
         return training.simulator.overrides(measures[scene], at, {}, point.effects)
 
-    done = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
+    pairs = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
     for observable, rows, conditions_of in predictor.requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
         columns = mapping.model_conditions(conditions_of)
         untrained[rows] = [
-            (scene, conditions(scene, row_at(columns, k))) not in done for k in range(rows.size)
+            (scene, conditions(scene, row_at(columns, k))) not in pairs for k in range(rows.size)
         ]
     return untrained
 

@@ -125,10 +125,10 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.named
-        adopted = path.with_name(Path(last.about["written"]).name)
-        if adopted == path or not adopted.is_file():
+        following = path.with_name(Path(last.about["written"]).name)
+        if following == path or not following.is_file():
             return path, ()
-        path = adopted
+        path = following
     return path, ()
 
 

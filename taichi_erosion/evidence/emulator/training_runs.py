@@ -144,8 +144,8 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
     scenes = []
     for names in grouped.values():
         at = {columns[name]: column for name, column in table.conditions.items()}
-        measured = (row_at(at, i) for i in range(table.size) if table.observable[i] in names)
-        rows = tuple(design.distinct_rows(measured, lambda _: True))
+        conditions_of_rows = (row_at(at, i) for i in range(table.size) if table.observable[i] in names)
+        rows = tuple(design.distinct_rows(conditions_of_rows, lambda _: True))
         scenes.append(StudyScene(simulator.measures[names[0]], tuple(names), rows, axes, simulator))
     return tuple(scenes)
 

@@ -136,8 +136,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
-    picked, library = file.candidates.mechanisms, mechanism_rows()
-    if missing := [name for name in picked or () if name not in library]:
+    choice, library = file.candidates.mechanisms, mechanism_rows()
+    if missing := [name for name in choice or () if name not in library]:
         raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(library)}")
     problem = Problem(
         measurements=measurements,
@@ -154,7 +154,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
-        mechanisms=tuple(each for each in parts.mechanisms if picked is None or each.name in picked),
+        mechanisms=tuple(each for each in parts.mechanisms if choice is None or each.name in choice),
     )
     shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"

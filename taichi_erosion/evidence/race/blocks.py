@@ -154,10 +154,10 @@ def smooth_columns(
     kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
     count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))
     columns = square_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
-    own = next(each for each in rows.observables if each.name == observable)
+    entry = next(each for each in rows.observables if each.name == observable)
     # published laws of an amount differ by powers of the grain size
-    if not along and own.transform == "log_floor" and own.shared_over in rows.conditions:
-        sizes = rows.conditions[own.shared_over][at]
+    if not along and entry.transform == "log_floor" and entry.shared_over in rows.conditions:
+        sizes = rows.conditions[entry.shared_over][at]
         power = np.nan_to_num(np.log(sizes / np.nanmedian(sizes[fitted]))) / size
         columns = np.column_stack([columns, power]) if power.any() else columns
     values = np.zeros((rows.size, columns.shape[1]))

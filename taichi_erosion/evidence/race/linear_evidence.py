@@ -191,9 +191,9 @@ class LinearPosterior:
     def precision(self) -> tuple[Floats, Floats]:
         """Residual V^-1 y (n,) and the diagonal of V^-1 (n,)."""
         share = self.row_share
-        scaled = self.rows.columns * self.tau
-        residual = share * (self.rows.y - scaled @ self.centre)
-        return residual, share - share**2 * np.einsum("ij,jk,ik->i", scaled, self.inverse, scaled)
+        design = self.rows.columns * self.tau
+        residual = share * (self.rows.y - design @ self.centre)
+        return residual, share - share**2 * np.einsum("ij,jk,ik->i", design, self.inverse, design)
 
     @property
     def row_share(self) -> Floats:

@@ -163,7 +163,7 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
     choice: list[tuple[int, float]] = []
-    lost, best, open_ = 0, 0.0, np.ones(valued.size)
+    count, best, open_ = 0, 0.0, np.ones(valued.size)
     while len(choice) < min(MOST, valued.size):
         size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
         after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
@@ -176,8 +176,8 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
         sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
         choice.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
         if choice[-1][1] > best + LEAST:
-            lost, best = len(choice), choice[-1][1]
+            count, best = len(choice), choice[-1][1]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]
         gap = gap - gap[..., at, np.newaxis] * along
         covariance = covariance - along.transpose(0, 2, 1) * covariance[:, np.newaxis, at]
-    return choice[:lost] if best > 1.0 - SURE else []
+    return choice[:count] if best > 1.0 - SURE else []

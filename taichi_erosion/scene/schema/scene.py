@@ -329,10 +329,10 @@ def name_problems(scene: Scene) -> Iterator[str]:
         (kinds, scene.grains.kinds, "[grains.kinds]"),
         (at_ends, stages, "stages"),
     )
-    for names, allowed, where in groups:
+    for names, names_there, where in groups:
         for path, name in names.items():
-            if name is not None and name not in allowed:
-                yield f"{path} = '{name}' is not among {where}: {', '.join(allowed)}"
+            if name is not None and name not in names_there:
+                yield f"{path} = '{name}' is not among {where}: {', '.join(names_there)}"
     for place, name in enumerate(stages):
         if name in stages[:place]:
             yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
