@@ -27,9 +27,7 @@ def test_a_module_is_imported_by_its_name(name: str):
     ("asked", "code", "out", "err"),
     [
         (["--help"], 0, "usage\n", ""),
-        ([], 2, "", "usage\n"),
-        (["bake"], 2, "", "usage\n"),
-        (["make", "solve"], 2, "", "usage\n"),
+        *((words, 2, "", "usage\n") for words in ([], ["bake"], ["make", "solve"])),
         (["make"], "made", "", ""),
     ],
 )

@@ -111,14 +111,9 @@ def test_a_finished_run_goes_on_with_a_further_stage(cut: Path, tmp_path: Path):
 
 
 def test_what_would_change_grains_clock_or_past_is_refused_by_name(cut: Path):
-    for order in (
-        "grains.size.diameter=1.9e-3",
-        "materials.soil.density=2000.0",
-        "run.check_interval=2e-3",
-        "laws.rolling=none",
-        "stages.0.move={tube={velocity=[0.0, 0.0, 0.1]}}",
-        "measure.column_height.every=1e-3",
-    ):
+    numbers = ("grains.size.diameter=1.9e-3", "materials.soil.density=2000.0", "run.check_interval=2e-3")
+    more = ("stages.0.move={tube={velocity=[0.0, 0.0, 0.1]}}", "measure.column_height.every=1e-3")
+    for order in (*numbers, "laws.rolling=none", *more):
         with pytest.raises(BadInput, match=r"cut\.npz: .* differs .* law = 'bed'") as refused:
             run_scene(cut / "few.toml", RunOptions((order,), no_record=True, resume=cut / "cut.npz"))
         assert order.partition("=")[0].rpartition(".")[0] in str(refused.value)
