@@ -88,7 +88,6 @@ class Question:
     points: Callable[[StudyInference], Points]
     effects: Sequence[str] = ()  # that it needs
     most: int = MOST_POINTS  # points of a round
-    ahead: bool = False  # whether it needs conditions that were not measured but could be
     missing: bool = False  # whether it asks what is missing: required points and mechanisms are tried
     tested: bool = False  # by fresh runs
     query: Callable[[StudyInference], JointRows] | None = None  # new rows, at which the answer ends with runs
@@ -99,9 +98,8 @@ def discovery_question(
     study: Study, answer: Callable[[Study, Progress], StudyInference], tested: bool = True
 ) -> Question:
     """Which effect is missing; without a test, which measurements would tell."""
-    ahead = bool(study.file.laboratory.ranges) or not tested
     name, names = "discover" if tested else "next", study.problem.candidate_names
-    return Question(name, answer, points, names, ahead=ahead, missing=True, tested=tested)
+    return Question(name, answer, points, names, missing=True, tested=tested)
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
@@ -180,7 +178,7 @@ def answer_by_plan(
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
     answered again. What that costs at most is announced before the first run.
     """
-    first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
+    first = training_runs.initial_training_runs(study, question.effects, budget)
     if first is None:
         if message := function_cost(study, len(question.effects)):
             study.options.announce(message)

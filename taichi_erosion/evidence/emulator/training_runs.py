@@ -7,7 +7,7 @@ scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -60,60 +60,40 @@ class TrainingRuns:
     simulator: Simulator
     scenes: tuple[StudyScene, ...]
     plan_size: PlanSize
-    ahead_size: PlanSize | None = None  # of the runs at conditions that could be measured; None: no room
     runs: tuple[TrainingRun, ...] = ()
     elsewhere: int = 0  # planned for other questions of the study, and fresh runs that were made
     mechanisms: tuple[Mechanism, ...] = ()  # along whose doses there are runs
 
 
-def initial_training_runs(
-    study: Study, effects: Sequence[str], budget: str, proposed: bool = False
-) -> TrainingRuns | None:
+def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> TrainingRuns | None:
     """The first design of a study with some of its effects; None for a study that no scene answers.
 
-    `proposed` adds conditions that the laboratory could measure. Every plan lies within the largest one that
-    the study's cap allows, so that runs of all budgets together keep it.
+    Every plan lies within the largest one that the study's cap allows, so that runs of all budgets together
+    keep it, and every question of a study has the same bare runs. Raises BadInput where the cap is too small.
     """
     simulator = study.simulator
     if simulator is None:
         return None
-    scenes = study_scenes(study, simulator)
-    wider = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)
-    largest = affordable(TrainingRuns(study, simulator, wider, design.PLAN_SIZES[LARGEST]))
-    every, wanted, ahead = known_effects(study.problem), design.PLAN_SIZES[budget], largest.ahead_size
-    proposed = proposed and ahead is not None
-    start = replace(
-        largest,
-        plan_size=smaller(wanted, largest.plan_size),
-        ahead_size=None if ahead is None else smaller(wanted, ahead),
-    )
-    runs = spread_over(start, effects) + (spread_over(start, effects, True) if proposed else [])
-    elsewhere = len(spread_over(largest, every)) + len(spread_over(largest, every, True)) - len(runs)
-    return replace(start, scenes=wider if proposed else scenes, runs=tuple(runs), elsewhere=elsewhere)
-
-
-def affordable(training: TrainingRuns) -> TrainingRuns:
-    """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
-    most, every = training.study.file.budget.runs or 10**9, known_effects(training.study.problem)
-    size, whole = scaled_to(
-        most, training.plan_size, lambda size: spread_over(replace(training, plan_size=size), every)
-    )
-    if whole > most:
+    whole = TrainingRuns(study, simulator, study_scenes(study, simulator), design.PLAN_SIZES[LARGEST])
+    measured = replace(whole, scenes=tuple(replace(scene, proposed=()) for scene in whole.scenes))
+    most, every = study.file.budget.runs or 10**9, known_effects(study.problem)
+    for training in (whole, measured):
+        size, planned = scaled_to(most, training, every)
+        if planned <= most:
+            break
+    else:
         raise BadInput(
-            f"{training.study.path}: a budget of {most} runs is too small; the study needs at least {whole}: "
+            f"{study.path}: a budget of {most} runs is too small; the study needs at least {planned}: "
             "raise it, or list fewer candidates"
         )
-    ahead, planned = scaled_to(
-        most - whole, size, lambda size: spread_over(replace(training, ahead_size=size), every, True)
-    )
-    return replace(training, plan_size=size, ahead_size=ahead if whole + planned <= most else None)
+    start = replace(training, plan_size=smaller(design.PLAN_SIZES[budget], size))
+    runs = spread_over(start, effects)
+    return replace(start, runs=tuple(runs), elsewhere=planned - len(runs))
 
 
-def scaled_to(
-    most: int, size: PlanSize, runs: Callable[[PlanSize], list[TrainingRun]]
-) -> tuple[PlanSize, int]:
+def scaled_to(most: int, training: TrainingRuns, effects: Iterable[str]) -> tuple[PlanSize, int]:
     """A plan and its number of runs; where they pass `most`, a smaller one of its shape, without rounds."""
-    planned = len(runs(size))
+    size, planned = training.plan_size, len(spread_over(training, effects))
     if planned <= most:
         return size, planned
     share = (1.0 - RESERVED) * most / planned
@@ -124,7 +104,7 @@ def scaled_to(
         condition=int(size.condition * share),
         rounds=0,
     )
-    return size, len(runs(size))
+    return size, len(spread_over(replace(training, plan_size=size), effects))
 
 
 def smaller(size: PlanSize, limit: PlanSize) -> PlanSize:
@@ -146,15 +126,15 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
         at = {columns[name]: column for name, column in table.conditions.items()}
         conditions_of_rows = (row_at(at, i) for i in range(table.size) if table.observable[i] in names)
         rows = tuple(design.distinct_rows(conditions_of_rows, lambda _: True))
-        scenes.append(StudyScene(simulator.measures[names[0]], tuple(names), rows, axes, simulator))
+        proposed = proposed_rows(study, rows[0] if rows else {})
+        scenes.append(StudyScene(simulator.measures[names[0]], tuple(names), rows, axes, simulator, proposed))
     return tuple(scenes)
 
 
-def proposed_rows(study: Study, scene: StudyScene) -> tuple[Row, ...]:
+def proposed_rows(study: Study, first: Row) -> tuple[Row, ...]:
     """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     columns, ranges = study.file.conditions, study.file.laboratory.ranges
     levels = [[(name, x) for x in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()]
-    first = scene.rows[0] if scene.rows else {}
     return tuple(
         first | {path: float(value) for name, value in chosen for path in dotted_paths(columns[name])}
         for chosen in product(*levels)
@@ -167,18 +147,20 @@ def known_effects(problem: Problem) -> dict[str, Candidate]:
     return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
 
 
-def spread_over(training: TrainingRuns, effects: Iterable[str], ahead: bool = False) -> list[TrainingRun]:
-    """Runs of the bare model and of every effect, of adopted ones too; `ahead`: where could be measured."""
-    scenes, size, tag = training.scenes, training.plan_size, training.study.fresh
-    if ahead:
-        if training.ahead_size is None:
-            return []
-        scenes = tuple(replace(one, rows=one.proposed, proposed=()) for one in scenes if one.proposed)
-        size, tag = training.ahead_size, f"{tag}ahead"
+def spread_over(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
+    """Runs of the bare model and of every effect, of adopted ones too: as measured, and where could be."""
     candidates, adopted = known_effects(training.study.problem), training.study.problem.adopted
     names = dict.fromkeys([*effects, *(candidate.name for candidate in adopted)])
-    acting = [None, *(candidates[name] for name in names)]
-    return [run for scene in scenes for each in acting for run in design.spread_runs(scene, each, size, tag)]
+    acting, size, tag = (
+        [None, *(candidates[name] for name in names)],
+        training.plan_size,
+        training.study.fresh,
+    )
+    ahead = [replace(one, rows=one.proposed) for one in training.scenes if one.proposed]
+    places = [*((scene, tag) for scene in training.scenes), *((scene, f"{tag}ahead") for scene in ahead)]
+    return [
+        run for scene, key in places for each in acting for run in design.spread_runs(scene, each, size, key)
+    ]
 
 
 def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
