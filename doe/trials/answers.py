@@ -79,7 +79,7 @@ def held_out(posterior: Posterior, decided: DecisionPart, seed: int) -> HeldOutP
 def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, ...]]:
     """Ends of the intervals at new conditions, of the mean and of one more measurement."""
     found = forecast(posterior, joint_rows(posterior.race, new_rows(posterior.race.prepared, asked)))
-    pairs = zip(found.intervals(found.mean), found.intervals(found.measured), strict=True)
+    pairs = zip(found.intervals(found.mean), found.intervals(found.new_value), strict=True)
     return [(mean.low, mean.high, one.low, one.high) for mean, one in pairs]
 
 

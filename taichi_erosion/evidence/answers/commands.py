@@ -78,7 +78,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     """Where the model fails if nothing is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = Question("compare", bare, lambda inference: [inference.about_bare], most=1)
+        question = Question("compare", bare, lambda inference: [inference.about_bare], most_points=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
         record = summary(restrict(found.posterior.race, lambda h: not h.acting))
         record = replace(record, **vars(found.decision.part))
@@ -121,7 +121,7 @@ def adopt_study(
                 inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best
             )
 
-        question = Question(f"adopt {' '.join(effects)}", whole, points, names, most=2)
+        question = Question(f"adopt {' '.join(effects)}", whole, points, names, most_points=2)
         adopted_inference, ready = answer_of(study, last_plan(study), question, progress)
         record = adopt_record(adopted_inference.posterior, effects, study.file.study.seed)
         opened = openings(study.results, study.drawn_from)

@@ -159,7 +159,7 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
         kinds["answer" if is_true(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
     classes = []
     for fits in kinds.values():
-        able = sorted((each for each in fits if each.refined), key=score, reverse=True)
+        able = sorted((each for each in fits if each.is_optimum), key=score, reverse=True)
         if able:
             alike = tuple(
                 f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None
@@ -193,7 +193,7 @@ def fresh_test(
         pairs = zip(campaign.runs[:2], more.runs, strict=True)
         runs = (*(one.with_more(other, nearest) for one, other in pairs), *campaign.runs[2:])
         campaign = FreshCampaign(
-            runs, campaign.keys | more.keys, len(runs[0].values), campaign.failed + more.failed
+            runs, campaign.keys | more.keys, len(runs[0].values), campaign.failures + more.failures
         )
         outcome_part = part_of(kinds, campaign)
     return outcome_part, campaign.keys
@@ -211,12 +211,12 @@ def part_of(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
     rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
     other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
     p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
-    few = campaign.failed > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
+    few = campaign.failures > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
         outcome = "contradicted"
     part = FreshPart(outcome, kinds[0].names, before, after, p, gap, len(campaign.keys), campaign.seeds)
-    return replace(part, failed=campaign.failed, rival=kinds[rival].names * bool(rival), rivals=other)
+    return replace(part, failed=campaign.failures, rival=kinds[rival].names * bool(rival), rivals=other)
 
 
 def is_open(part: FreshPart) -> bool:
@@ -273,8 +273,8 @@ def runs_at(
     def campaign_of(row_numbers: Integers) -> FreshCampaign:
         some = rows.rows(row_numbers)
         requests = predictor.over(some.observables, some.which, some.conditions).requests
-        spent = simulator.training.elsewhere + len(keys - simulator.stored_keys)
-        counting = replace(simulator, training=replace(simulator.training, elsewhere=spent))
+        spent = simulator.training.other_runs + len(keys - simulator.stored_keys)
+        counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
         return counting.simulate([point], requests, np.ones(row_numbers.size), progress)
 
     for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger

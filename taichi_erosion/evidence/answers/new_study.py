@@ -147,14 +147,14 @@ def new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
         content,
         made_from=request.relative(table),
         digest=source_digest(table),
-        assumed=interview.assumed,
+        assumptions=interview.assumptions,
         effect_files=[request.relative(file) for file in wishes.effects],
     )
     return {
         "table": str(table),
         "form": measured.form,
         "columns": [column_document(column, content) for column in measured.columns],
-        "assumed": list(interview.assumed),
+        "assumed": list(interview.assumptions),
         **written_files(files, wishes.anew),
     }
 

@@ -93,7 +93,7 @@ def predict_study(
         at_rows = zip(new.observable, *new.conditions.values(), strict=True)
         sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
         question = replace(
-            Question("predict", without_candidates, lambda inference: [inference.about_bare], most=1),
+            Question("predict", without_candidates, lambda inference: [inference.about_bare], most_points=1),
             query=lambda inference: query_rows(inference.posterior.race, new),
             query_sets=len(sets),
         )
@@ -175,13 +175,15 @@ def predicted_rows(
     model, runs = place.model.sure_mean((), fit.v)[fit.mean.size :], place.runs
     model = model if runs is None else model + runs[1]
     units = dict(zip(table.observable, table.unit, strict=True))
-    means, single = outlook.intervals(outlook.mean), outlook.intervals(outlook.measured)
+    means, single = outlook.intervals(outlook.mean), outlook.intervals(outlook.new_value)
     for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
         observable = place.rows.observables[place.rows.which[k]]
         yield PredictedPart(
             line=wanted.lines[i] if wanted.lines else i + 1,
             observable=names[k],
-            conditions=dict(wanted.written[i]) if wanted.written else place.rows.conditions_at(k),
+            conditions=dict(wanted.table_conditions[i])
+            if wanted.table_conditions
+            else place.rows.conditions_at(k),
             condition_units={name: scale.unit for name, scale in wanted.scales.items()},
             unit=units[names[k]],
             **asdict(mean),

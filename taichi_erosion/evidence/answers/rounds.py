@@ -87,7 +87,7 @@ class Question:
     answer: Callable[[Study, Progress], StudyInference]
     points: Callable[[StudyInference], Points]
     effects: Sequence[str] = ()  # that it needs
-    most: int = MOST_POINTS  # points of a round
+    most_points: int = MOST_POINTS  # points of a round
     missing: bool = False  # whether it asks what is missing: required points and mechanisms are tried
     tested: bool = False  # by fresh runs
     query: Callable[[StudyInference], JointRows] | None = None  # new rows, at which the answer ends with runs
@@ -150,7 +150,7 @@ def required_points(inference: StudyInference) -> Points:
     fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
         return inference.about(*dosed[:MOST_POINTS])
-    refined = [[f for f in race.sets(*sizes) if f.refined] for sizes in ((1,), range(2, MOST + 1))]
+    refined = [[f for f in race.sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
     return inference.about(*(max(kind, key=score) for kind in refined if kind))
 
 
@@ -187,7 +187,7 @@ def answer_by_plan(
     key = f"{study.fresh}{question.name} {budget}"
     runs, own_rounds, earlier = with_stored_rounds(first, key)
     room = max(runs.plan_size.rounds - len(own_rounds), 0)
-    cost = plan_cost(runs, room, question.most, test_cost(runs, question, own_rounds, key))
+    cost = plan_cost(runs, room, question.most_points, test_cost(runs, question, own_rounds, key))
     if cost.seconds >= WORTH_TELLING:
         study.options.announce(cost.sentence)
     phases, phase = cost.phases, 0
@@ -293,7 +293,7 @@ def with_stored_rounds(
                 runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
     tests = {run for entry in stored_rounds(study)["fresh"].values() for run in entry["runs"]}
-    runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
+    runs = replace(runs, other_runs=runs.other_runs + len(tests))
     alike = [series for name, series in past.items() if name.endswith(budget)]
     return runs, own_rounds, {acting(point) for series in alike for about in series for point in about}
 

@@ -45,7 +45,7 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
 
 def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
-    if not comparison_rows(study.problem, study.problem.visible()).known.any():
+    if not comparison_rows(study.problem, study.problem.visible()).has_noise.any():
         raise BadInput(f"{study.file.study.measurements}: {UNKNOWN_SCATTER}")
 
 

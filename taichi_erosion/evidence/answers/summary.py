@@ -66,7 +66,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         curves=tuple(curve_parts(posterior, decision_used)),
         settings=model.settings,
         runs=race.prepared.predictor.cost.runs,
-        stopped="budget" if race.stopped else "",
+        stopped="budget" if race.out_of_budget else "",
     )
 
 
@@ -162,7 +162,7 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
     status, unseen = status_of(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
-    above = [ended for strength, ended in race.model.candidates[name].tried if strength >= limit]
+    above = [ended for strength, ended in race.model.candidates[name].trials if strength >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
     value, low, high = (nan, 0.0, limit) if status == "excluded" else vars(strength).values()

@@ -74,7 +74,7 @@ class StudyFiles:
     content: Content
     made_from: str  # table of the laboratory, relative to the study
     digest: str  # of its cells
-    assumed: Sequence[str]
+    assumptions: Sequence[str]
     effect_files: Sequence[str]  # with effects of the user's own, relative to the study
 
     @property
@@ -219,9 +219,9 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     lines += [f"made_from_digest = {toml_string(files.digest)}  # {READ}"]
     lines += [f"model = {toml_string(content.model)}"] if content.model else []
     lines += [f"effect_files = {json.dumps(list(files.effect_files))}"] if files.effect_files else []
-    if files.assumed:
+    if files.assumptions:
         lines += ['notes = """', "Assumed, because the table does not say it:"]
-        lines += [f"- {words.replace(chr(34), chr(39))}" for words in files.assumed] + ['"""']
+        lines += [f"- {words.replace(chr(34), chr(39))}" for words in files.assumptions] + ['"""']
     for name, scene in content.observables.items():
         limits = OBSERVED.get(name)
         lines += ["", f"[observables.{name}]"]

@@ -74,13 +74,13 @@ class ComparisonRows:
         return np.array([(name, lines[0]) in off for name, lines in rows], bool)
 
     @property
-    def contradicted(self) -> Bools:
+    def awaits_correction(self) -> Bools:
         """Readings that their own repeats contradict: they wait for a correction and take no part."""
         off = {(each.observable, *each.suspects) for each in self.apart}
         return np.array([(name, *row) in off for name, row in zip(self.names, self.lines, strict=True)], bool)
 
     @property
-    def known(self) -> Bools:
+    def has_noise(self) -> Bools:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)
 

@@ -77,13 +77,13 @@ def read_rows(
         return None if tidy is None else table_of(cells, tidy, faults, options)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
-    cells, assumed = upright(cells, interview), len(interview.assumed)
+    cells, assumed = upright(cells, interview), len(interview.assumptions)
     columns = understand_columns(cells, options, interview, faults)
     cells = fill_down(cells, columns, options, interview)
     table = table_of(cells, columns, faults, options)
     for words in (*table.notes, *cell_notes(cells, columns)):
         interview.assume(words)
-    return replace(table, notes=tuple(interview.assumed[assumed:]))
+    return replace(table, notes=tuple(interview.assumptions[assumed:]))
 
 
 def upright(cells: Cells, interview: Interview) -> Cells:

@@ -160,7 +160,7 @@ class Candidate:
     name: str
     prior_scale: float = 1.5  # of the strength [1]
     maximum: float = 3.0
-    tried: tuple[tuple[float, bool], ...] = ()  # strengths of its runs, and whether each has ended
+    trials: tuple[tuple[float, bool], ...] = ()  # strengths of its runs, and whether each has ended
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class StudyScene:
     rows: tuple[Row, ...]  # distinct conditions of the measurements
     axes: tuple[Axis, ...]
     simulator: Simulator
-    proposed: tuple[Row, ...] = ()  # conditions that could be measured
+    proposed_rows: tuple[Row, ...] = ()  # conditions that could be measured
 
     @property
     def centre(self) -> Numbers:

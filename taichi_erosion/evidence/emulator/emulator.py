@@ -124,7 +124,7 @@ class ObservableEmulator:
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
     process: GaussianProcess
     run_sd: float  # of the value of one run, on the comparison scale
-    trained: Integers  # runs of its scene that gave a value, in the order of the process
+    run_numbers: Integers  # runs of its scene that gave a value, in the order of the process
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,9 @@ class Emulator:
         errors = {}
         for scene, names in by_scene.items():
             emulators = [self.emulators[name] for name in names]
-            joint = joint_errors([each.process for each in emulators], [each.trained for each in emulators])
+            joint = joint_errors(
+                [each.process for each in emulators], [each.run_numbers for each in emulators]
+            )
             errors[scene] = (tuple(names), joint)
         return errors
 
@@ -249,7 +251,7 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
     Of contrasts of runs only those count in which the smooth parts of both observables have less than SMOOTH
     of the variance of the scatter: the error of an emulator between runs is no scatter.
     """
-    _, first, second = np.intersect1d(one.trained, other.trained, return_indices=True)
+    _, first, second = np.intersect1d(one.run_numbers, other.run_numbers, return_indices=True)
     smooth, values = np.zeros((first.size, first.size)), list[Floats]()
     for process, at in ((one.process, first), (other.process, second)):
         covariance = process.factor @ process.factor.T

@@ -81,7 +81,7 @@ class FreshCampaign:
     runs: tuple[FreshRuns, ...]
     keys: frozenset[str]  # of the runs in the ledger
     seeds: int  # of every set of conditions; 0: no room
-    failed: int = 0
+    failures: int = 0
 
 
 @dataclass(frozen=True)

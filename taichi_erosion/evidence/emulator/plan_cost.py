@@ -27,7 +27,7 @@ MINUTE, HOUR = 60.0, 3600.0  # s
 class PlanCost:
     """Runs of a plan, and seconds of wall time that they take here."""
 
-    kept: int  # in the ledger
+    ledger_runs: int  # in the ledger
     first: int  # to be made at once
     later: int  # at most, in rounds about the answers
     rounds: int
@@ -44,8 +44,8 @@ class PlanCost:
     def sentence(self) -> str:
         """One line for people."""
         if not self.first + self.later + self.fresh:
-            return f"No run is to be made: all {self.kept} are kept from before."
-        stored = f"; {self.kept} more are kept from before" if self.kept else ""
+            return f"No run is to be made: all {self.ledger_runs} are kept from before."
+        stored = f"; {self.ledger_runs} more are kept from before" if self.ledger_runs else ""
         rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
         later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
         later += (

@@ -61,7 +61,7 @@ class TrainingRuns:
     scenes: tuple[StudyScene, ...]
     plan_size: PlanSize
     runs: tuple[TrainingRun, ...] = ()
-    elsewhere: int = 0  # planned for other questions of the study, and fresh runs that were made
+    other_runs: int = 0  # planned for other questions of the study, and fresh runs that were made
     mechanisms: tuple[Mechanism, ...] = ()  # along whose doses there are runs
 
 
@@ -75,7 +75,7 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
     if simulator is None:
         return None
     whole = TrainingRuns(study, simulator, study_scenes(study, simulator), design.PLAN_SIZES[LARGEST])
-    measured = replace(whole, scenes=tuple(replace(scene, proposed=()) for scene in whole.scenes))
+    measured = replace(whole, scenes=tuple(replace(scene, proposed_rows=()) for scene in whole.scenes))
     most, every = study.file.budget.runs or 10**9, known_effects(study.problem)
     for training in (whole, measured):
         size, planned = scaled_to(most, training, every)
@@ -88,7 +88,7 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
         )
     start = replace(training, plan_size=smaller(design.PLAN_SIZES[budget], size))
     runs = spread_over(start, effects)
-    return replace(start, runs=tuple(runs), elsewhere=planned - len(runs))
+    return replace(start, runs=tuple(runs), other_runs=planned - len(runs))
 
 
 def scaled_to(most: int, training: TrainingRuns, effects: Iterable[str]) -> tuple[PlanSize, int]:
@@ -156,7 +156,7 @@ def spread_over(training: TrainingRuns, effects: Iterable[str]) -> list[Training
         training.plan_size,
         training.study.fresh,
     )
-    ahead = [replace(one, rows=one.proposed) for one in training.scenes if one.proposed]
+    ahead = [replace(one, rows=one.proposed_rows) for one in training.scenes if one.proposed_rows]
     places = [*((scene, tag) for scene in training.scenes), *((scene, f"{tag}ahead") for scene in ahead)]
     return [
         run for scene, key in places for each in acting for run in design.spread_runs(scene, each, size, key)
@@ -210,7 +210,7 @@ def within_budget(training: TrainingRuns, about: Sequence[Setting]) -> bool:
 
 def room_left(training: TrainingRuns) -> int:
     """Runs that the study's cap leaves beside those planned."""
-    return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.elsewhere
+    return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.other_runs
 
 
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
@@ -226,7 +226,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         inputs = EmulatorInputs(
             scene,
             axes=tuple(axis for axis in scene.axes if axis.name in accepted),
-            scales=condition_scales((*scene.rows, *scene.proposed), accepted),
+            scales=condition_scales((*scene.rows, *scene.proposed_rows), accepted),
             candidates=tuple(known_effects(problem).values()),
             mechanisms=tuple(each.name for each in training.mechanisms if each.name not in factors),
             factors=factors,
@@ -240,7 +240,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
             raise SimulationStopped("; ".join([*sentences, str(error)])) from None
     ended = [(run.effects, not result.failure) for run, result in zip(runs, results, strict=True)]
     candidates = tuple(
-        replace(each, tried=tuple((acting[each.name], ok) for acting, ok in ended if each.name in acting))
+        replace(each, trials=tuple((acting[each.name], ok) for acting, ok in ended if each.name in acting))
         for each in problem.candidates
     )
     count = len({request.key for request in requests})

@@ -168,7 +168,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
         words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)
         rows, variance = rows.rows(~failed), variance[~failed]
-    is_known = rows.known & ~rows.contradicted
+    is_known = rows.has_noise & ~rows.awaits_correction
     rows, variance = rows.rows(is_known), variance[is_known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
@@ -192,7 +192,7 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
 
     The runs of a usual answer stay within the budget.
     """
-    finite, count = rows.known, 1
+    finite, count = rows.has_noise, 1
     if noisy and finite.any():
         numbers = len(problem.parameters) + len(problem.adopted)
         share = float(np.nanmedian(variance[finite] / np.maximum(rows.variance[finite], UNKNOWN_NOISE)))

@@ -31,7 +31,7 @@ class RunStore:
     file: Path
     pending: dict[bytes, Floats] = field(default_factory=dict)  # not written yet
     database: Database | None = None
-    committed: float = field(default_factory=monotonic)
+    commit_time: float = field(default_factory=monotonic)
 
     def fetch(self, keys: list[bytes]) -> dict[bytes, Floats]:
         """Values of those runs that have been made."""
@@ -46,7 +46,7 @@ class RunStore:
     def store(self, key: bytes, values: Floats) -> None:
         """Keep the values of one run."""
         self.pending[key] = values
-        if monotonic() - self.committed > COMMIT_INTERVAL:
+        if monotonic() - self.commit_time > COMMIT_INTERVAL:
             self.commit()
 
     def commit(self) -> None:
@@ -56,7 +56,7 @@ class RunStore:
             with self.connect().transaction() as sql:
                 sql.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", rows)
             self.pending.clear()
-        self.committed = monotonic()
+        self.commit_time = monotonic()
 
     def connect(self) -> Database:
         """The database, opened at first need."""

@@ -83,7 +83,7 @@ class FittedForm:
 
     form: Form
     rows: LawRows
-    chosen: Bools
+    selection: Bools
     numbers: Floats
     misfit: float
     covariance: Floats  # of the numbers
@@ -91,7 +91,7 @@ class FittedForm:
     @cached_property
     def root(self) -> Floats:
         """Inverse root of the variance of the rows."""
-        variance = self.rows.variance[np.ix_(self.chosen, self.chosen)]
+        variance = self.rows.variance[np.ix_(self.selection, self.selection)]
         return np.linalg.inv(scipy.linalg.cholesky(variance, lower=True))
 
     @property
@@ -111,7 +111,7 @@ class FittedForm:
 
     def best_linear(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
-        white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
+        white = self.root @ self.rows.linear(self.doses(numbers))[self.selection]
         r, slopes = white[:, 0], white[:, 1:]
         v = scipy.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
         return v, np.concatenate([r - slopes @ v, v])
@@ -129,7 +129,7 @@ class FittedForm:
 
     def to(self, rows: LawRows, chosen: Bools) -> "FittedForm":
         """The form fitted to other rows."""
-        return replace(self, rows=rows, chosen=chosen).optimise([self.numbers])
+        return replace(self, rows=rows, selection=chosen).optimise([self.numbers])
 
     def draws(self) -> Floats:
         """Draws (m, k) of the numbers within their range."""
@@ -240,7 +240,7 @@ def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: Fitte
         if move < STILL or not np.all(np.isfinite(mean)):
             break
         place = Place(v, w, mean, dosing.slopes(v, w, mean))
-        each = each.to(rows_about(race, fit, each.rows.curve, place), each.chosen)
+        each = each.to(rows_about(race, fit, each.rows.curve, place), each.selection)
     return each
 
 

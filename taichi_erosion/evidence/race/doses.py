@@ -88,7 +88,7 @@ class Dosing:
         dose = Doses(self.root @ beta, self.slope(at.v, w, at.mean), self.root)
         size = scale("dose", cauchy=self.race.priors.dose)
         block = Block("dose", "", dose.change(self.root, at.mean.size), size)
-        expansion = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
+        expansion = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "is_optimum": True}
         return self.race.fit_at_scales(
             replace(at, **expansion, blocks=(*self.race.blocks, block), dose=dose), steps, u
         )

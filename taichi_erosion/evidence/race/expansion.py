@@ -51,11 +51,11 @@ class RaceModel:
     """The model of a study at settings v; counts them."""
 
     prepared: PreparedProblem
-    most: float = np.inf  # settings that may be evaluated
+    most_settings: float = np.inf  # settings that may be evaluated
     progress: Progress = lambda _, __: None
     priors: Priors = PRIORS
     settings: int = 0
-    evaluated: set[tuple] = field(default_factory=set)
+    past_settings: set[tuple] = field(default_factory=set)
     shift: Floats | float = 0.0  # of a mean over many seeds over that of the few that every setting has
 
     def __post_init__(self) -> None:
@@ -99,17 +99,17 @@ class RaceModel:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
         x, acting = self.numbers(v[: self.count]), self.strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
-        if key not in self.evaluated:
+        if key not in self.past_settings:
             self.spend()
-            self.evaluated.add(key)
+            self.past_settings.add(key)
         return seed_mean(self.predictor.predict(x, acting, seeds))
 
     def spend(self) -> None:
         """Count one setting. Raises BudgetSpentError."""
-        if self.settings >= self.most:
-            raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
+        if self.settings >= self.most_settings:
+            raise BudgetSpentError(f"the {self.most_settings:g} settings of an answer are used up")
         self.settings += 1
-        self.progress(f"{self.settings} settings of the model", self.settings / self.most)
+        self.progress(f"{self.settings} settings of the model", self.settings / self.most_settings)
 
     def mean(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Mean (n,) as many seeds would have it; each row with its own doses, at the cost of one setting."""

@@ -85,7 +85,7 @@ class Expansion:
     errors: Floats  # (n, q), of known size
     blocks: tuple[Block, ...]
     log_prior: float = 0.0
-    refined: bool = False
+    is_optimum: bool = False
     dose: Doses | None = None
 
 
@@ -153,8 +153,8 @@ class Race:
     prepared: PreparedProblem
     model: RaceModel
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
-    tried: bool = False  # whether every effect has been, once
-    stopped: bool = False  # at the budget of settings
+    all_singles: bool = False  # whether every effect has been, once
+    out_of_budget: bool = False  # at the budget of settings
 
     def __post_init__(self) -> None:
         rows, sd, self.priors = self.prepared.rows, self.prepared.sd, self.model.priors
@@ -272,7 +272,7 @@ class Race:
         fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
         fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), 0), MOST_STEPS, 0)
         fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
-        return self.store(replace(fit, refined=True))
+        return self.store(replace(fit, is_optimum=True))
 
     def polish(self, fit: Fit) -> Fit:
         """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
@@ -285,7 +285,7 @@ class Race:
     def store(self, fit: Fit) -> Fit:
         """The fit, which replaces an earlier one of its hypothesis."""
         old = self.fits.get(fit.hypothesis)
-        if old is None or fit.refined >= old.refined:
+        if old is None or fit.is_optimum >= old.is_optimum:
             self.fits[fit.hypothesis] = fit
         return fit
 
@@ -315,7 +315,7 @@ class Race:
             optimum = self.better(optimum, self.optimum(elsewhere))
         free = self.fit_at_scales(start, 20)
         if free.log_evidence > optimum.log_evidence:
-            optimum = self.better(optimum, self.polish(replace(self.gauss_newton(free, 6), refined=True)))
+            optimum = self.better(optimum, self.polish(replace(self.gauss_newton(free, 6), is_optimum=True)))
         return optimum
 
     def optimum(self, start: Fit) -> Fit:
@@ -370,7 +370,7 @@ class Race:
         share = np.exp(scores - logsumexp(scores))
         return dict(zip(self.fits, map(float, share), strict=True))
 
-    def likely(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
+    def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
         """Fits of at least some probability, best first."""
         share = self.posterior()
         fits = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]

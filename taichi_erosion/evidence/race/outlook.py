@@ -53,7 +53,7 @@ class JointRows:
 
     race: Race
     rows: ComparisonRows
-    simulated: Floats  # (m,), variance of the simulated mean
+    mean_variance: Floats  # (m,), variance of the simulated mean
     model: RaceModel
     runs: tuple[Bools, Floats, Floats] | None = None  # where runs answer (m,), their gap (m,), errors (m, q)
 
@@ -98,7 +98,7 @@ def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
     rows = rows.rows(np.isin(rows.names, fitted.names))
     which = fitted.index_of(rows.names)
     rows = replace(rows, observables=fitted.observables, which=which, noise=fitted.noise)
-    variance = np.where(rows.known, rows.variance, by_observable(fitted, fitted.variance)[which])
+    variance = np.where(rows.has_noise, rows.variance, by_observable(fitted, fitted.variance)[which])
     return add_correlation(replace(rows, variance=variance), prepared.heaps) if rows.size else None
 
 
@@ -142,7 +142,7 @@ class Outlook:
     solved: LinearPosterior  # of the fitted rows
     start: Floats  # (m,), with every coefficient at 0; NaN where the model has no value
     columns: Floats  # (m, q + r), of the coefficients of fitted rows, then of those that these do not have
-    alone: Integers  # (r,), scales of the latter; -1 where it is 1
+    scale_numbers: Integers  # (r,), scales of the latter; -1 where it is 1
     smooth: Bools  # (q + r,), columns of smooth discrepancies and of what no list holds
 
     def mean(self, smooth: bool = True) -> Floats:
@@ -161,7 +161,7 @@ class Outlook:
 
     def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
-        tau = np.append(self.solved.tau, np.exp(np.append(self.solved.u, 0.0)[self.alone]))
+        tau = np.append(self.solved.tau, np.exp(np.append(self.solved.u, 0.0)[self.scale_numbers]))
         whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)
         return whole[:, : self.solved.tau.size], whole[:, self.solved.tau.size :]
 
@@ -174,7 +174,7 @@ class Forecast:
     weight: Floats  # (k,), their sum is 1
     centre: Floats  # (k, m)
     mean: Floats  # (k, m), sd of many measurements
-    measured: Floats  # (k, m), sd of one more
+    new_value: Floats  # (k, m), sd of one more
 
     def intervals(self, sd: Floats) -> list[Interval]:
         """Median and 90 % interval of every row in its unit, of `mean` or of `measured`, by bisection."""
@@ -193,7 +193,7 @@ class Forecast:
 
     def below(self) -> Floats:
         """Share of one more measurement that lies below each measured value (m,)."""
-        return self.weight @ special.ndtr((self.rows.z - self.centre) / self.measured)
+        return self.weight @ special.ndtr((self.rows.z - self.centre) / self.new_value)
 
 
 def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
@@ -274,11 +274,11 @@ def forecast(posterior: Posterior, place: JointRows) -> Forecast:
     random, parts = np.random.default_rng(SEED), []
     numerical = np.array([place.rows.noise[name].numerical for name in place.rows.names]) ** 2
     scatter = np.maximum(place.rows.variance - numerical, 0.0)
-    for h, p in posterior.likely.items():
+    for h, p in posterior.likely_hypotheses.items():
         seen = outlook(place, place.race.fits[h])
         for now, _, weight in scale_draws(seen.solved, p, random):
             at = replace(seen, solved=now)
-            mean = at.variance() + place.simulated + numerical
+            mean = at.variance() + place.mean_variance + numerical
             parts.append((weight, at.mean(), mean, mean + kappa(place, now) ** 2 * scatter))
     weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
     return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
@@ -297,7 +297,7 @@ def left_out(posterior: Posterior) -> Floats:
     (1992), Bayesian Statistics 4, 147 (weights).
     """
     weights, shares, random = [], [], np.random.default_rng(SEED)
-    for h, p in posterior.likely.items():
+    for h, p in posterior.likely_hypotheses.items():
         evidence = posterior.race.fits[h].evidence
         bad = list(evidence.bad)
         for now, _, weight in scale_draws(evidence.solved, p, random):
@@ -329,7 +329,7 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     if not good.any():
         return None
     # rivals may expect large errors
-    size = np.sqrt(rows.variance + place.simulated + outlooks[1].variance(False))
+    size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].variance(False))
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
@@ -342,7 +342,7 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
 
 def misfit_chance(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
-    noise = np.diag(place.rows.variance + place.simulated)
+    noise = np.diag(place.rows.variance + place.mean_variance)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
     gap, chosen = (place.rows.z - outlook_of.mean(False))[good], np.ix_(good, good)
@@ -359,7 +359,7 @@ def chance_of_worse(place: JointRows, before: Outlook, after: Outlook, good: Boo
 
         (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
     """
-    size = np.sqrt(place.rows.variance + place.simulated + after.variance(False))
+    size = np.sqrt(place.rows.variance + place.mean_variance + after.variance(False))
     change = ((after.mean(False) - before.mean(False)) / size)[good]
     residual = ((place.rows.z - after.mean(False)) / size)[good]
     return float(special.ndtr(change @ residual / max(float(np.sqrt(change @ change)), 1e-12)))

@@ -73,7 +73,7 @@ class Posterior:
     probability: dict[Hypothesis, float]
 
     @property
-    def likely(self) -> dict[Hypothesis, float]:
+    def likely_hypotheses(self) -> dict[Hypothesis, float]:
         """Hypotheses that are worth another run of the model, with probabilities of which the sum is 1."""
         shares = {h: p for h, p in self.probability.items() if p > KEEP}
         return {h: p / sum(shares.values()) for h, p in shares.items()}
@@ -159,11 +159,11 @@ def infer(
         if problem.mechanisms and has_unexplained_misfit(race):
             add_doses(race)
     except BudgetSpentError:
-        race.stopped = True
-        if not race.tried:
+        race.out_of_budget = True
+        if not race.all_singles:
             early = "the budget of runs ends before the model is calibrated and every effect tried once"
             raise BadInput(f"{early}: raise budget.runs") from None
-    race.model.most = np.inf
+    race.model.most_settings = np.inf
     return Posterior(race, race.posterior())
 
 
@@ -176,7 +176,7 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
         fit_with = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
         if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
-        fit = fit_with if fit_with.refined else race.optimise(fit_with)
+        fit = fit_with if fit_with.is_optimum else race.optimise(fit_with)
     return restrict(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
 
 
@@ -192,7 +192,7 @@ def has_unexplained_misfit(race: Race) -> bool:
 
     Until mechanisms are tried, what is not in the list has their prior too.
     """
-    listed = race.likely(0.0, lambda fit: not fit.hypothesis.beside)
+    listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.beside)
     share = race.posterior()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)

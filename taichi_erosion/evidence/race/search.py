@@ -49,13 +49,13 @@ def search(race: Race) -> None:
     bare, effects = race.fit_bare(log(race.priors.nothing)), list(race.model.candidates)
     add_unlisted(race, bare)
     add_each(race, bare, effects)
-    race.tried = True
+    race.all_singles = True
     for single in race.sets(1):
         race.optimise(single)
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
     prune(race)
-    plain = race.likely(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beside)
+    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beside)
     best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [without(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
@@ -63,7 +63,7 @@ def search(race: Race) -> None:
             add_unlisted(race, race.fits[Hypothesis(names)])
     done = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
-        for fit in race.likely(KEEP)[:CARRIED]:
+        for fit in race.likeliest_fits(KEEP)[:CARRIED]:
             if fit.hypothesis not in done:
                 done.add(fit.hypothesis)
                 race.polish(fit)
@@ -94,14 +94,14 @@ def grow(race: Race, size: int, effects: Sequence[str]) -> None:
     parents = leading(race, size, 0.1 * KEEP, MOST - size)
     for parent in parents:
         add_each(race, parent, effects)
-    for fit in [each for each in leading(race, size + 1, 0.2 * KEEP, 6) if not each.refined]:
+    for fit in [each for each in leading(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
         race.optimise(fit)
     for fit in leading(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
             rest = race.fits.get(Hypothesis(without(fit.hypothesis.names, name)))
             if rest is not None:
                 add_each(race, rest, effects)
-        for near in [each for each in leading(race, size + 1, 0.2 * KEEP, 4) if not each.refined]:
+        for near in [each for each in leading(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
             race.optimise(near)
 
 

@@ -31,7 +31,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
             rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
         )
         told = forecast(rest, place)
-        share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.measured[:, 0])
+        share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.new_value[:, 0])
         assert shares[i] == pytest.approx(share, abs=0.04)
 
 
@@ -115,7 +115,7 @@ def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, 
     race, rows, p = found.race, found.race.prepared.rows, found.race.prepared
     again = new_rows(p, NewConditions(rows.names, rows.conditions))
     place = joint_rows(race, replace(again, group=rows.group, source=rows.source))
-    for fit in race.likely(0.05):
+    for fit in race.likeliest_fits(0.05):
         now = fit.evidence.solved
         left = now.rows.y - now.rows.columns @ (now.tau * now.centre)
         if p.white.root is not None:
@@ -136,7 +136,7 @@ def test_intervals_hold_what_they_say():
         assert drawn.asked is not None
         found = infer(drawn.problem, number)
         told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, drawn.asked)))
-        for values, key in ((told.mean, "mean"), (told.measured, "measured")):
+        for values, key in ((told.mean, "mean"), (told.new_value, "measured")):
             ends = zip(told.intervals(values), drawn.truth[key], strict=True)
             held.append(np.mean([each.low <= truth <= each.high for each, truth in ends]))
     mean, measured = np.mean(held[::2]), np.mean(held[1::2])
@@ -157,7 +157,7 @@ def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: in
         group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
         wanted = NewConditions(names, {name: column[chosen] for name, column in new.items()}, group)
         told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, wanted)))
-        both = [told.intervals(sd) for sd in (told.mean, told.measured)]
+        both = [told.intervals(sd) for sd in (told.mean, told.new_value)]
         return np.array([[(one.value, one.low, one.high) for one in each] for each in both])
 
     whole = ends([0, 1, 2, 3, 4])

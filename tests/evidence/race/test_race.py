@@ -73,7 +73,7 @@ def test_a_twin_of_what_acts_makes_a_group():
 
 def test_an_answer_at_the_cap_is_told_as_such():
     posterior = infer(case(SINGLE).problem, SINGLE, most=60)
-    assert posterior.race.stopped
+    assert posterior.race.out_of_budget
     assert (posterior.race.model.settings, summary(posterior).stopped) == (60, "budget")
     assert decide(posterior).probabilities["none"] < 0.1  # what is known by then already
 

@@ -76,7 +76,7 @@ class Interview:
     """Questions that were asked, and what was assumed where a guess was taken."""
 
     ask: Ask = lambda _, guess: guess
-    assumed: list[str] = field(default_factory=list)
+    assumptions: list[str] = field(default_factory=list)
 
     def choice(self, question: str, guess: str, meaning: str) -> str:
         """Answer to a question; an accepted guess is recorded with its meaning."""
@@ -91,8 +91,8 @@ class Interview:
 
     def assume(self, meaning: str) -> None:
         """Record what was assumed without a question."""
-        if meaning not in self.assumed:
-            self.assumed.append(meaning)
+        if meaning not in self.assumptions:
+            self.assumptions.append(meaning)
 
 
 @dataclass(frozen=True)

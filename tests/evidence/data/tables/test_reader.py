@@ -169,7 +169,7 @@ def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
     interview = Interview(lambda asked, guess: guess)
     (tmp_path / "heap.csv").write_text("w [%];Böschungswinkel [°]\n1;31\n150;32\n2;33\n", encoding="utf-8")
     read_laboratory_table(tmp_path / "heap.csv", options_for_table(NewStudyOptions()), interview)
-    assert [words for words in interview.assumed if "unusual" in words] == [
+    assert [words for words in interview.assumptions if "unusual" in words] == [
         "row 3, moisture = 150 % is unusual, and taken as written"
     ]
 
