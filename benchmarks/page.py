@@ -16,7 +16,7 @@ from benchmarks.start import ROUNDS, starts
 from benchmarks.wind_cases import threshold_case
 from doe.common.pages import fill_tables
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
 DETAILS = Path(__file__).with_name("README.md")

@@ -172,7 +172,7 @@ def test_the_engine_is_started_and_text_is_run_as_code_in_one_file_each(path):
     alone = {
         "ti.py": engines | {name for name in named if name.startswith("ti.lang")},
         "device.py": calls & {"ti.init"},
-        "effect_loading.py": calls & {"eval", "exec", "compile", "__import__"},  # docs/trust.md
+        "effect_file.py": calls & {"eval", "exec", "compile", "__import__"},  # docs/trust.md
     }
     for name, found in alone.items():
         if path != PACKAGE / "core" / name:

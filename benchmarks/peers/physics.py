@@ -44,7 +44,7 @@ from benchmarks.peers.physics_measures import (
 )
 from benchmarks.peers.physics_pair import lammps_curve, pair_numbers
 from doe.common.tables import read_table, write_table
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 from tests.verification.contact import adhesion
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity

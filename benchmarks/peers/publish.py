@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks.page import PAGE, fill
 from benchmarks.peers.compare import MEGA, Row, Sample, summary
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 OURS = ("ours f32", "ours f64")
 OTHERS = ("LAMMPS", "LAMMPS 2025", "LIGGGHTS", "YADE")

@@ -9,7 +9,7 @@ from doe.common.cases import MEASURED
 from doe.common.pages import RESULTS, write_pages
 from doe.common.tables import lines_of, read_table
 from doe.effects.answers import Answer, bed_law
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 TOLD = 2.0  # standard errors from nought at which a shift counts [1]
 NEAR = 0.02  # of its answer within which a simple scene must lie [1]

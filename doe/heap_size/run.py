@@ -12,7 +12,7 @@ from doe.common.cases import Case, Row, perform, read_rows, settings
 from doe.common.command import words
 from doe.common.pages import write_pages
 from taichi_erosion.measures.silhouette import fit_window
-from taichi_erosion.report.markdown import markdown_table, with_spread
+from taichi_erosion.tables.number_words import markdown_table, with_spread
 
 SCENE = "scenes/column_collapse.toml"
 DIAMETER = 1.5e-3  # m, of the scene's grains

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 from doe.common.cases import Row, read_rows
 from doe.common.pages import write_pages
 from doe.common.tables import lines_of
-from taichi_erosion.report.markdown import markdown_table, with_spread
+from taichi_erosion.tables.number_words import markdown_table, with_spread
 
 PICTURE = "pictures/lab_c.png"
 DIAMETERS = {"1.5 mm": 1.5e-3, "3 mm": 3e-3}  # m, by the label of a case

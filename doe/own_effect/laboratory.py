@@ -10,7 +10,7 @@ import random
 import sys
 from pathlib import Path
 
-from taichi_erosion.core.foreign_code import read_effect_files
+from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas

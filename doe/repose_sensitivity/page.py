@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from doe.common.cases import STOPPED, Row, by_case, read_rows
 from doe.common.pages import RESULTS, write_pages
-from taichi_erosion.report.markdown import markdown_table, with_spread
+from taichi_erosion.tables.number_words import markdown_table, with_spread
 
 PICTURE = "pictures/repose_sensitivity.png"
 REFERENCE = "reference"

@@ -33,7 +33,7 @@ from doe.trials.metrics import (
 )
 from doe.trials.table import read_rows, table_of
 from doe.trials.tables.outcome import table_metrics
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 BINS = 10  # of probabilities
 

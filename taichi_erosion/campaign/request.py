@@ -17,9 +17,9 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.study_file import WorkersEntry
+from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.engine import engine_mark
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.scene import Scene, resolve, scene_hash
@@ -139,7 +139,7 @@ def work_of(scene: Scene) -> float:
 def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
-    from taichi_erosion.core.effect_loading import compile_failure
+    from taichi_erosion.core.effect_file import compile_failure
     from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_after
     from taichi_erosion.scene.load import parse_scene
     from taichi_erosion.simulation import Simulation

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.load import first_line, problem_lines, toml_table, with_tuples
 from taichi_erosion.scene.paths import DIALECT

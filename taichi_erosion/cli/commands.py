@@ -46,7 +46,7 @@ from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
 
 if TYPE_CHECKING:
-    from taichi_erosion.core.foreign_code import EffectFile
+    from taichi_erosion.core.effect_file import EffectFile
     from taichi_erosion.verification.claims import Claim
 
 ROOT = Path(__file__).parents[2]  # of the source tree, with all claims and the timed cases

@@ -58,7 +58,7 @@ def run_command(words: list[str]) -> int:
     except SimulationStopped as error:
         return print_error(str(error), ExitCode.STOPPED)
     except Exception as error:
-        from taichi_erosion.core.effect_loading import compile_failure
+        from taichi_erosion.core.effect_file import compile_failure
 
         if os.environ.get(TRACEBACK_SWITCH) == "1":
             typer.echo("".join(traceback.format_exception(error)), err=True)

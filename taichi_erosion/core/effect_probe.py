@@ -38,7 +38,7 @@ from taichi_erosion.core.effect_device import (
     total_vector_force,
     update_states,
 )
-from taichi_erosion.core.effect_loading import failures_of
+from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, download, download_field, upload
 

@@ -1,7 +1,7 @@
 """The one import of the engine that compiles kernels: Taichi, or quadrants (`core/engine.py`).
 
 `ti` is the engine, `impl` its state, `core` its library. Both engines have the same words for what is used
-here; where they differ, this file says how.
+here; where they differ, this file says how. `nearest_image` is the one device function of several rooms.
 """
 
 import os
@@ -34,6 +34,16 @@ else:
     OPTIONS = {"force_scalarize_matrix": True}
     LOCK = os.path.join("kernel_compilation_manager", "qdcache.lock")
 
-__all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "memfence", "ti"]
+__all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "memfence", "nearest_image", "ti"]
 
 take_shortcuts()
+
+
+@ti.func
+def nearest_image(difference, period):
+    """Shortest vector between two positions of a periodic box [m]."""
+    nearest = difference
+    for k in ti.static(range(3)):
+        if period[k] > 0.0:
+            nearest[k] -= period[k] * ti.round(difference[k] / period[k])
+    return nearest

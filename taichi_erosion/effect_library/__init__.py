@@ -16,9 +16,16 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.effect_loading import MEMBER, checked_effect, effect_in, reason
+from taichi_erosion.core.effect_file import (
+    DIGITS,
+    MEMBER,
+    EffectFile,
+    checked_effect,
+    effect_in,
+    read_effect_file,
+    reason,
+)
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import DIGITS, EffectFile, read_effect_file
 
 GROUP = "taichi_erosion.effects"  # of entry points
 TITLE = re.compile(r'\btitle="(.+?)",')  # in the file of an effect

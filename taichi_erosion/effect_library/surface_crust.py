@@ -27,9 +27,8 @@ which do not heal).
 from dataclasses import dataclass, replace
 from math import pi
 
-from taichi_erosion.core.device_functions import nearest_image
 from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
-from taichi_erosion.core.ti import ti
+from taichi_erosion.core.ti import nearest_image, ti
 
 LOOSE = -1.0  # of State.calm
 

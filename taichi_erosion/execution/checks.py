@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
+from taichi_erosion.core.effect_file import EffectFile, effect_in, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.execution.observables import OBSERVABLES
 from taichi_erosion.execution.own_measure import measure_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
@@ -48,7 +48,6 @@ def scene_effect_files(scene: Scene) -> EffectFiles:
 
 def with_effects(scene: Scene, files: EffectFiles) -> Scene:
     """The scene with the files of its own effects and what its effects are known by. Raises BadInput."""
-    from taichi_erosion.core.effect_loading import effect_in
     from taichi_erosion.effect_library import load_library, package_digests
 
     library = load_library(files)
@@ -96,8 +95,6 @@ def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
     if not files and not scene.effects and not any(scene.conditions.stated_values().values()):
         return []  # and the device is not imported
-    from taichi_erosion.core.effect_loading import effect_in
-
     names = [name for file in files if (name := effect_in(file).name) not in scene.effects]
     reasons = {name: f"the scene does not name it; --set effects.{name}.strength=1" for name in names}
     library = library_of(scene)

@@ -5,9 +5,8 @@ from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.core.effect_loading import execute, line_of, reason
+from taichi_erosion.core.effect_file import EffectFile, execute, line_of, read_effect_file, reason
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import EffectFile, read_effect_file
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.scene import Scene
 

@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.core.effect_loading import checked_number, failures_of
+from taichi_erosion.core.effect_file import checked_number, failures_of
 from taichi_erosion.core.engine import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import REMEDY, check_writable, write_atomic

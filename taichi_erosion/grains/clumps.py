@@ -13,8 +13,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 
 from typing import Any
 
-from taichi_erosion.core.device_functions import nearest_image
-from taichi_erosion.core.ti import ti
+from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.integrate import kick_time
 from taichi_erosion.grains.state import REBUILD, arrays, force_block, side_block

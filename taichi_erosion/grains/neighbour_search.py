@@ -9,9 +9,8 @@ of grains that have not. A rebuild is due as soon as any grain has moved by more
 missed.
 """
 
-from taichi_erosion.core.device_functions import nearest_image
 from taichi_erosion.core.effect_device import move_states, set_initial_states
-from taichi_erosion.core.ti import ti
+from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.grains.cells import (
     cell_coordinates,
     cell_index,

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.effect import Effect, quantity
-from taichi_erosion.core.effect_loading import MEMBER
-from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.core.effect_file import MEMBER, EffectFile
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.physical_ranges import place_range
 

@@ -21,7 +21,7 @@ from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, rec
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.figure_style import raster
 from taichi_erosion.report.html import address_of, origin_line, write_page
-from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
+from taichi_erosion.tables.number_words import markdown_table, with_scatter_of, with_spread
 
 Row = Mapping[str, Any]
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # header and rows of a table

@@ -25,7 +25,7 @@ from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
 from taichi_erosion.report.figure_style import Figure, Picture, raster, with_key
 from taichi_erosion.report.html import origin_line, write_page
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 COMMANDS: tuple[Command, ...] = ("compare", "discover", "adopt", "next")
 TEMPLATE, RECORDING = "answer.html", "study.rrd"

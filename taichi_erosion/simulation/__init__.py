@@ -1,8 +1,7 @@
 """The coupled step and how it is assembled."""
 
 from taichi_erosion.simulation.advance import advance, failure, statuses
-from taichi_erosion.simulation.assemble import Simulation, assemble
-from taichi_erosion.simulation.buffer_reuse import reuse_or_assemble
+from taichi_erosion.simulation.assemble import Simulation, assemble, reuse_or_assemble
 from taichi_erosion.simulation.contact_network import contact_network
 from taichi_erosion.simulation.control import (
     move_surface,

@@ -12,7 +12,7 @@ from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKin
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.grains.walls import FORCE, NO_SERVO, TORQUE
-from taichi_erosion.simulation.assemble import Simulation
+from taichi_erosion.simulation.assemble import Simulation, bound_effects
 
 AXIS_TOLERANCE = 1e-9  # of the extent: a surface of revolution turning about its own axis keeps its shape [1]
 
@@ -109,11 +109,7 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     before = sim.setups[replica].effects
     if np.any(np.greater(longest_reaches(effects), longest_reaches(before))):
         return False
-    bounds = {
-        "pair": sim.world.pair_effects,
-        "first_contact": sim.world.first_contact_effects,
-        "grain": sim.world.grain_effects,
-    }
+    bounds = bound_effects(sim.world)
     if any(e.effect.name not in bounds[e.effect.place].names for e in effects):
         return False
     for place, bound in bounds.items():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
-from taichi_erosion.core.effect_loading import ON_DEVICE, failures_of
+from taichi_erosion.core.effect_file import ON_DEVICE, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolve

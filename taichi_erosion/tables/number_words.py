@@ -1,7 +1,7 @@
-"""Numbers, units and counts as a person reads them; needs no other module."""
+"""Numbers with their units and scatter, counts, and tables as a person reads them; needs no other module."""
 
-from collections.abc import Iterable
-from math import floor, log10
+from collections.abc import Iterable, Sequence
+from math import floor, isfinite, log10
 
 PURE = ("", "1", "-")
 LARGEST = 1e6  # number from which on one is written with an exponent
@@ -33,3 +33,35 @@ def count_noun(count: int, noun: str) -> str:
 def set_up_name(conditions: Iterable[float]) -> str:
     """Name of a set-up that has no other than its conditions; digests of tables rest on it."""
     return ", ".join(f"{value:g}" for value in conditions)
+
+
+def with_spread(value: float, sd: float, n: int) -> str:
+    """`value ± sd (n)`, rounded to the second digit of sd; without sd for a single value."""
+    if not isfinite(value):
+        return "none"
+    if n < 2 or not isfinite(sd):
+        return f"{value:.4g} (1)"
+    places = max(0, 1 - magnitude(sd))
+    return f"{value:.{places}f} ± {sd:.{places}f} ({n})"
+
+
+def with_scatter_of(value: float, scatter: float, signed: bool = False) -> str:
+    """Number rounded to the second digit of its scatter; to four digits where that is not known."""
+    sign = "+" if signed else ""
+    if not isfinite(value):
+        return "none"
+    if not (isfinite(scatter) and scatter > 0.0):
+        return f"{value:{sign}.4g}"
+    places = 1 - magnitude(scatter)
+    return f"{round(value, places) + 0.0:{sign}.{max(places, 0)}f}"
+
+
+def magnitude(number: float) -> int:
+    """Decimal exponent."""
+    return int(f"{number:e}".partition("e")[2])
+
+
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Markdown table; the first column is left-aligned, the others are right-aligned."""
+    rule = [":--", *("--:" for _ in header[1:])]
+    return "".join("| " + " | ".join(row) + " |\n" for row in (header, rule, *rows))

@@ -17,17 +17,18 @@ import numpy as np
 
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range
-from taichi_erosion.core.effect_loading import (
+from taichi_erosion.core.effect_file import (
+    EffectFile,
     checked_number,
     compile_failure,
     effect_in,
     failures_of,
     line_of,
+    read_effect_files,
     reason,
 )
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsify, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from taichi_erosion.cli.new_effect import render
 from taichi_erosion.core.effect import replica_effect
-from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.effect_library import load_library
 

@@ -16,7 +16,7 @@ from doe.trials.metrics import HEADER, Case
 from doe.trials.table import Row
 from doe.trials.tables.draw import draw
 from doe.trials.tables.outcome import line, table_metrics
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 
 def answered(seed: int, number: int, keep: Path | None) -> Row:

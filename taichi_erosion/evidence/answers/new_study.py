@@ -11,8 +11,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.evidence.answers.scene_templates import (
     CLOSED_FORM_NUMBERS,
     INCLUDES,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign.study_file import with_entry
-from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.effect_file import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.check_study import check_study

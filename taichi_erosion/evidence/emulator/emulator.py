@@ -15,7 +15,7 @@ import numpy as np
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
-from taichi_erosion.core.effect_loading import failures_of
+from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.evidence.data.heap_correlation import shrink
 from taichi_erosion.evidence.data.problem import (

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Protocol
 
 from taichi_erosion.campaign.study_file import entry, with_entry
-from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.effect_file import EffectFile, effect_in
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
-from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import refusal

@@ -7,8 +7,8 @@ from typing import Literal
 
 from taichi_erosion.campaign.study_file import ALL, CandidateEntry, StudyFile, read_evidence_study
 from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.evidence.data.held_out_rows import SPARE, content_digest, openings, split_rows
 from taichi_erosion.evidence.data.measured import read_table, study_measurements

@@ -21,9 +21,8 @@ import numpy as np
 from scipy import linalg
 
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.effect_loading import checked_number, effect_in, failures_of
+from taichi_erosion.core.effect_file import EffectFile, checked_number, effect_in, failures_of, tell_execution
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.foreign_code import EffectFile, tell_execution
 from taichi_erosion.evidence.data.problem import (
     Conditions,
     Floats,

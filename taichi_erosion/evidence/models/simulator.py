@@ -16,7 +16,7 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import CPU, RunResult
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile, WorkersEntry
 from taichi_erosion.core.effect import STRENGTH, Effect
-from taichi_erosion.core.effect_loading import effect_in, failures_of
+from taichi_erosion.core.effect_file import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import (
     Bools,

@@ -10,9 +10,9 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
+from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.column_faults import column_faults
 from taichi_erosion.evidence.data.measured import condition_scales, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements

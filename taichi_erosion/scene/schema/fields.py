@@ -26,8 +26,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import nearest
-from taichi_erosion.core.foreign_code import EffectFile
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]

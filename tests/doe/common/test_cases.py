@@ -13,7 +13,7 @@ from doe.common.cases import GUARDED, STOPPED, Case, Row, command, read_rows, se
 from doe.common.pages import fill_tables
 from doe.lab_c import page as lab_c
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.tables.number_words import markdown_table
 
 ROOT = Path(__file__).parents[3]
 TABLES = {name: ROOT / "doe" / name / "results.csv" for name in ("lab_c", "repose_sensitivity")}

@@ -1,15 +1,18 @@
-"""Execution of effect files, and the check that what they define is an effect of this interface.
+"""Python files of the user's own that this program runs: effects and measures, read once, known by content.
 
-A file that cannot be used ends in one line: file, line, what is wrong, what to do.
+A file is read when a command begins, and a line on stderr names it. All its runs, on workers of this machine
+or of a cluster, execute that text, and its digest is part of what a run is known by. A file that cannot be
+used, or an effect that is none of this interface, ends in one line: file, line, what is wrong, what to do.
 """
 
 import linecache
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import lru_cache
+from hashlib import sha256
 from numbers import Real
 from pathlib import Path
 from types import ModuleType
@@ -18,8 +21,12 @@ from typing import Any, get_args
 from taichi_erosion.core.effect import Effect, Place
 from taichi_erosion.core.engine import is_device_function
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import DIGITS, EffectFile
+from taichi_erosion.core.files import one_line_name, read_text_file
 
+SUFFIX = ".py"
+DIGITS = 12  # hexadecimal, of a digest
+OPTION = "--effect"  # what names a file that neither a scene nor a study names
+NAMED: set[Path] = set()  # files that this process has named
 MEMBER = "EFFECT"  # name of the record in an effect's file
 REMEDY = "`effects new NAME` writes a file of the present interface"
 ON_DEVICE = ("pair", "first_contact", "grain")  # places of effects whose `act` is a ti.func
@@ -29,6 +36,59 @@ COMPILED = re.compile(rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w
 SOURCE = re.compile(rf"(.+):[0-9a-f]{{{DIGITS}}}")  # name under which the text of a file is compiled
 STRUCT = re.compile(r"'Struct\d+' object")  # name of the compiler for what `act` reads
 USE = 'effect_device.py", line'  # where functions of effects are called
+
+
+@dataclass(frozen=True)
+class EffectFile:
+    """A Python file with an effect, as it was read."""
+
+    path: Path  # absolute
+    text: str
+
+    @property
+    def digest(self) -> str:
+        """Name of the content."""
+        return sha256(self.text.encode()).hexdigest()[:DIGITS]
+
+    def __str__(self) -> str:
+        """The path as messages show it."""
+        return short_path(self.path)
+
+
+def short_path(path: Path) -> str:
+    """An absolute path, relative where it lies below the working folder."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
+
+
+def tell_execution(path: Path, named_by: str) -> None:
+    """Write `executes FILE (named by SCENE-OR-STUDY)` on stderr, once a file, before it runs."""
+    file = path.resolve()
+    if file not in NAMED:
+        NAMED.add(file)
+        sys.stderr.write(f"executes {one_line_name(short_path(file))} (named by {one_line_name(named_by)})\n")
+
+
+def read_effect_file(path: Path, named_by: str = OPTION) -> EffectFile:
+    """The file at a path, which will be executed. Raises BadInput where there is no Python file."""
+    name = one_line_name(path)
+    try:
+        if path.suffix != SUFFIX:
+            raise BadInput(f"{name}: no such Python file; an effect is a file that ends in {SUFFIX}")
+        file = EffectFile(path.resolve(), read_text_file(path, "utf-8-sig"))
+    except FileNotFoundError:
+        raise BadInput(f"{name}: no such Python file") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{name}: cannot be read: {error}") from None
+    tell_execution(path, named_by)
+    return file
+
+
+def read_effect_files(
+    paths: Iterable[str | Path], folder: Path = Path(), named_by: str = OPTION
+) -> tuple[EffectFile, ...]:
+    """Files named relative to a folder; one that is named twice counts once. Raises BadInput."""
+    return tuple(dict.fromkeys(read_effect_file(folder / path, named_by) for path in paths))
 
 
 @lru_cache(maxsize=MOST_FILES)

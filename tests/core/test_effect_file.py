@@ -6,9 +6,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.cli.new_effect import render
-from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.effect_file import effect_in, read_effect_file, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import read_effect_file, read_effect_files
 from taichi_erosion.effect_library import load_library
 
 PULL = render("pair_effect").replace("NAME", "constant_pull")
