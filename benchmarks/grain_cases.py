@@ -19,7 +19,7 @@ from benchmarks.stage_times import copy_bandwidth, stage_times
 from benchmarks.vector_width import packed_width
 from benchmarks.wind_cases import blowing_patch
 from taichi_erosion.core.setup import Arch, Numerics, Setup
-from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape
+from taichi_erosion.core.transfer import NUMPY_TYPES, device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import (
     Simulation,
@@ -160,7 +160,8 @@ def stage_shares(sim: Simulation, rebuilds_per_step: float) -> dict[str, float]:
 def device_bytes(owner: Any) -> int:
     """Memory of all fields of a record [byte]."""
     sizes = [
-        NUMBER_BYTES[field.dtype.to_string()] * np.prod((*field.shape, *inner_shape(field)), dtype=np.int64)
+        NUMPY_TYPES[str(field.dtype)]().itemsize
+        * np.prod((*field.shape, *inner_shape(field)), dtype=np.int64)
         for field in device_fields(owner)
     ]
     return int(sum(sizes))

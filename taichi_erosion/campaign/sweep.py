@@ -1,13 +1,12 @@
 """Sweep: the measures of a scene along values of one entry, each value run with the same seeds."""
 
-import csv
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
@@ -101,11 +100,7 @@ def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
 
 def write_sweep(folder: Path, over: str, points: Sequence[SweepPoint], figure: bytes) -> list[Path]:
     """Write table and figure."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow([parse_over(over)[0], "measure", "value", "sd", "unit", "n", "note"])
-    for one in points:
-        numbers = [f"{x:.6g}" if isfinite(x) else "" for x in (one.value, one.sd)]
-        table.writerow([one.entry, one.measure, *numbers, one.unit, one.n, one.note])
-    files = {TABLE: text.getvalue().encode(), FIGURE: figure}
+    table = pd.DataFrame(map(asdict, points)).rename(columns={"entry": parse_over(over)[0]})
+    text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    files = {TABLE: text.encode(), FIGURE: figure}
     return [ListedFolder(folder).write(name, content) for name, content in files.items()]

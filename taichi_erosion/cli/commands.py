@@ -44,6 +44,7 @@ from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect_file import EffectFile
@@ -399,7 +400,10 @@ def profile(
     columns, rows = heaps_of_table(table, place, height, grain)
     write_heaps(csv_file, columns, rows)
     record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(csv_file)}
-    output.print_result(record, as_json, lambda _: output.print_heaps(columns, rows, csv_file))
+    if as_json:
+        return output.print_json(record)
+    output.print_table("heaps", columns, rows)
+    typer.echo(f"next: {shell_command('study', 'new', csv_file)}")
 
 
 def source_module(name: str) -> ModuleType | None:

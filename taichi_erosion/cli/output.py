@@ -15,8 +15,6 @@ from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.tables.number_words import count_noun, plain
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.words.answer_lines import Answer
 
@@ -114,12 +112,6 @@ def print_measurement(record: Record) -> None:
     typer.echo(f"{record['name']} = {with_deviation(record)} {record['unit']}")
     print_lines(record["notes"], "note: ")
     typer.echo(f"what was detected: {record['picture']}")
-
-
-def print_heaps(columns: Sequence[str], rows: Sequence[Sequence[str]], table: "Path") -> None:
-    """Print measured heaps, and what reads their table."""
-    print_table("heaps", columns, rows)
-    typer.echo(f"next: {shell_command('study', 'new', table)}")
 
 
 def print_claims(document: Record) -> None:

@@ -86,6 +86,10 @@ class GrainFields:
     wall_force: Floats  # N m-3, of walls on grains
 
 
+FIELD_UNITS = {"solid_fraction": "1", "density": "kg m-3", "velocity": "m s-1"}
+FIELD_UNITS |= {"kinetic_stress": "Pa", "contact_stress": "Pa", "wall_force": "N m-3"}
+
+
 @dataclass(frozen=True)
 class Totals:
     """Sums over one replica at one moment."""

@@ -25,7 +25,6 @@ Kind = TypeVar("Kind")
 
 MEMBERS = "device_members"  # attribute of a class of device records: names of the members
 NUMPY_TYPES = {"f32": np.float32, "f64": np.float64, "i32": np.int32}
-NUMBER_BYTES = {"f32": 4, "i32": 4, "f64": 8}  # of one number on the device
 
 
 def is_host() -> bool:

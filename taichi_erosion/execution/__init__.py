@@ -13,8 +13,6 @@ from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.execution.checks import check_scene
 from taichi_erosion.scene.load import is_air_scene
 
-__all__ = ["Report", "RunOptions", "check_scene", "run_scene"]
-
 Report = Callable[[float, str], None]  # (share done [1], words)
 
 

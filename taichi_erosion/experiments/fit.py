@@ -47,24 +47,19 @@ Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) 
 Order = Literal["linear", "interactions", "quadratic"]
 
 
-def linear_terms(count: int) -> tuple[Term, ...]:
-    """A, B, C ..."""
-    return interaction_terms(count, 1)
-
-
-def interaction_terms(count: int, order: int = 2) -> tuple[Term, ...]:
-    """Products of `order` different factors: A B, A C, B C ..."""
+def interaction_terms(count: int, order: int) -> tuple[Term, ...]:
+    """Products of `order` different factors: A, B ...; A B, A C, B C ..."""
     model = combinations(range(count), order)
     return tuple(tuple(int(k in factors) for k in range(count)) for factors in model)
 
 
 def model_terms(count: int, order: Order) -> tuple[Term, ...]:
     """Terms of a complete model, without the constant."""
-    terms = linear_terms(count)
+    linear = terms = interaction_terms(count, 1)
     if order in ("interactions", "quadratic"):
-        terms += interaction_terms(count)
+        terms += interaction_terms(count, 2)
     if order == "quadratic":
-        terms += tuple(tuple(2 * power for power in term) for term in linear_terms(count))
+        terms += tuple(tuple(2 * power for power in term) for term in linear)
     return terms
 
 

@@ -27,9 +27,6 @@ class FrozenDrag:
     drag_kick: Any  # vec3, change of velocity by drag since the last exchange [m s-1]
 
 
-FROZEN_FIELDS = ("air_velocity", "drag_rate", "steady_acceleration", "steady_spin_rate", "drag_kick")
-
-
 def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
     """Fields for `capacity` places a replica and side."""
     vectors = "air_velocity steady_acceleration steady_spin_rate drag_kick"

@@ -16,6 +16,7 @@ HALF = "half the strength is half the dose"
 PARTNERS = {False: "each other", True: "walls"}  # of grains in a contact
 MOST = {"restitution": 1.0}  # that a number of contacts can be [1]
 SAMPLE_PAIRS = {False: "sand-sand", True: "sand-steel"}  # of the sample scene; True: with a wall
+SAMPLE_WIND = {"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5}
 
 
 def factor_of(strength: float, dose: float) -> float:
@@ -94,7 +95,7 @@ def with_stress(scene: Scene, factor: float) -> Scene:
 
 
 def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
-    windy = changes.sample_scene(wind={"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5})
+    windy = changes.sample_scene(wind=SAMPLE_WIND)
 
     def partition(dose: float, strength: float = 1.0) -> float:
         return probe(params(dose=dose), {}, scene=windy, strength=strength).wind.partition

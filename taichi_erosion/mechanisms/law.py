@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
 from taichi_erosion.core.effect_probe import TYPICAL
+from taichi_erosion.mechanisms.factors import SAMPLE_WIND
 from taichi_erosion.mechanisms.library import dose_range
 from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene
@@ -14,7 +15,6 @@ from taichi_erosion.scene.schema.fields import numbers_in
 
 DoseOf = Callable[[Any, Mapping[str, Any]], Any]  # (params, conditions) -> dose [1]
 Point = tuple[dict[str, float], float, float]  # conditions, dose there [1], response of a device effect there
-WIND = {"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5}
 
 
 def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, Conditions], Constants] | None:
@@ -53,7 +53,7 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
         where = ", ".join(f"{name} = {value:g}" for name, value in conditions.items())
         claim = f"at {where} the dose is {dose:.4g}"
         if mechanism.place == "scene":
-            scene = sample_scene(wind=WIND)
+            scene = sample_scene(wind=SAMPLE_WIND)
             got = probe(params, conditions, scene=scene)
             want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
             numbers = (numbers_in(resolve(each)) for each in (got, want))

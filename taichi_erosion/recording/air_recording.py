@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import AirSnapshot, GrainFields
+from taichi_erosion.core.snapshot import FIELD_UNITS, AirSnapshot, GrainFields
 from taichi_erosion.recording import pictures, rr, rrb, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
 from taichi_erosion.recording.pictures import Colours, Picture
@@ -18,7 +18,6 @@ SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [p
 STILL_AIR = np.array(pictures.NIGHT)  # colour of still air
 FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
-FIELDS = ("solid_fraction", "density", "velocity", "kinetic_stress", "contact_stress", "wall_force")
 TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
 BACKFLOW = 0.01  # of the fastest wind: slower backflow is drawn as 0 [1]
 FRAMES_PER_SECOND = 10.0  # of the viewer's playback
@@ -81,7 +80,7 @@ def wind_colours(share: Floats) -> Colours:
 def log_fields(recording: Recording, fields: GrainFields) -> None:
     """Write all columns of a vertical profile of the grains, and two of them as curves."""
     columns = {"width": [fields.width], **{name: fields.at.get(name, np.zeros(0)) for name in "xyz"}}
-    columns |= {name: getattr(fields, name).ravel() for name in FIELDS}
+    columns |= {name: getattr(fields, name).ravel() for name in FIELD_UNITS}
     recording.stream.log("fields", rr.AnyValues(**columns))
     z = fields.at["z"]
     faces = np.append(z - 0.5 * (z[1] - z[0]), z[-1] + 0.5 * (z[1] - z[0]))

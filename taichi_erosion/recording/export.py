@@ -15,7 +15,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import mark_of, marked_png, refuse_foreign, write_atomic
-from taichi_erosion.core.snapshot import ContactNetwork, GrainFields, Snapshot
+from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields, Snapshot
 from taichi_erosion.recording import readback
 from taichi_erosion.recording.pictures import SideView, force_chain_picture, png_bytes
 from taichi_erosion.recording.stream import CONTACT_VECTORS
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 COLLECTION = "grains.pvd"  # list of the frames for ParaView
 UNITS = {"position": "m", "radius": "m", "velocity": "m s-1", "spin": "rad s-1", "force": "N"}
 UNITS |= {"centre": "m", "point": "m", "branch": "m", "normal_force": "N", "mass": "kg"}
-FIELD_UNITS = {"solid_fraction": "1", "density": "kg m-3", "velocity": "m s-1"}
-FIELD_UNITS |= {"kinetic_stress": "Pa", "contact_stress": "Pa", "wall_force": "N m-3"}
 NOTHING = dict.fromkeys(FIELD_UNITS, 0.0) | {"velocity": np.nan}  # beyond the grains
 NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 

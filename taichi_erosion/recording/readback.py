@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.snapshot import ContactNetwork, GrainFields
-from taichi_erosion.recording.air_recording import FIELDS
+from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.stream import CONTACT_VECTORS, CONTACTS
 
@@ -180,7 +179,7 @@ def read_fields(path: Path) -> list[GrainFields]:
         at = {name: row[name] for name in "xyz" if row[name] is not None and len(row[name])}
         shape, inner = tuple(map(len, at.values())), {"velocity": (3,), "wall_force": (3,)}
         inner |= {"kinetic_stress": (3, 3), "contact_stress": (3, 3)}
-        fields = {name: row[name].reshape(*shape, *inner.get(name, ())) for name in FIELDS}
+        fields = {name: row[name].reshape(*shape, *inner.get(name, ())) for name in FIELD_UNITS}
         samples.append(GrainFields(time * NANOSECOND, at, float(row["width"][0]), **fields))
     return samples
 

@@ -6,16 +6,3 @@ from taichi_erosion.scene.preparation.limits import explain
 from taichi_erosion.scene.preparation.setup import build_setup, laws
 from taichi_erosion.scene.schema.fields import resolve
 from taichi_erosion.scene.schema.scene import Scene
-
-__all__ = [
-    "Scene",
-    "build_setup",
-    "explain",
-    "laws",
-    "load_scene",
-    "parse_scene",
-    "resolve",
-    "scene_hash",
-    "scene_schema",
-    "write_schema",
-]

@@ -12,7 +12,7 @@ from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.saved_state import effect_memory
+from taichi_erosion.simulation.saved_state import effect_states
 
 
 def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
@@ -187,7 +187,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
-    memory = effect_memory(sim)
+    memory = effect_states(sim)
     states = download([numbers for numbers, _ in memory.values()], first, released) if memory else []
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     order = np.argsort(ident, kind="stable")

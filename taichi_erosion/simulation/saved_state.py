@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.effect_device import state_fields
-from taichi_erosion.core.transfer import download, download_field, upload, write
+from taichi_erosion.core.transfer import download, download_field, members, upload, write
 from taichi_erosion.grains.clumps import NOWHERE
-from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
+from taichi_erosion.grains.frozen_drag import FrozenDrag
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.sleep import SAVED_FIELDS
 from taichi_erosion.grains.state import REACH_FIELDS
@@ -34,6 +34,7 @@ AIR_CELLS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "exchange_force", "eddy_face"),
 )
+FROZEN = members(FrozenDrag)
 AIR_NUMBERS = ("time", "friction_velocity")
 EXCHANGE = ("residual_momentum", "rise_velocity", "pressure_lift", "through_flow")
 # likewise of a grid of air alone
@@ -76,11 +77,11 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     out |= download_members("", world.grains, RATE, r * sim.capacities.grains, count)
     out["bounds"] = download_field(world.replicas.bounds)[r]
     if world.driven:
-        out |= download_members("held_", world.frozen_drag, FROZEN_FIELDS, first, count)
+        out |= download_members("frozen_", world.frozen_drag, FROZEN, first, count)
     if world.sleeps:
         out |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count)
-    for name, (numbers, _) in effect_memory(sim).items():
-        out[f"memory_{name}"] = download([numbers], first, count)[0]
+    for name, (numbers, _) in effect_states(sim).items():
+        out[f"effect_{name}"] = download([numbers], first, count)[0]
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], first, count))
         entries = download_members(prefix, table, names, block * table.capacity, table.capacity)
@@ -119,9 +120,7 @@ def start_from_beds(sim: Simulation) -> None:
         if (bed := setup.bed) is None:
             continue
         count, first = len(bed["ident"]), 2 * r * sim.capacities.grains
-        part = (
-            download_members("held_", world.frozen_drag, FROZEN_FIELDS, first, count) if world.driven else {}
-        )
+        part = download_members("frozen_", world.frozen_drag, FROZEN, first, count) if world.driven else {}
         part |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
         ident = np.argsort(np.argsort(bed["ident"]))  # without grains that had left
         acts = bed["pair_label"].astype(int) & ENGAGED > 0  # the others are found anew
@@ -212,12 +211,12 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
     upload(columns("", world.grains, RATE, part), r * rows)
     if world.driven:
-        upload(columns("held_", world.frozen_drag, FROZEN_FIELDS, part), 2 * r * rows)
+        upload(columns("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
     if world.sleeps:
         upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
-    for name, (numbers, start) in effect_memory(sim).items():
+    for name, (numbers, start) in effect_states(sim).items():
         begun = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
-        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.capacities.grains)
+        upload([(numbers, part.get(f"effect_{name}", begun))], 2 * r * sim.capacities.grains)
     import_lists(sim, r, part)
     if world.clumped:
         upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
@@ -257,7 +256,7 @@ def air_state(sim: Simulation) -> dict[str, Any]:
     return state | {f"exchange_{name}": getattr(exchange, name) for name in names}
 
 
-def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
+def effect_states(sim: Simulation) -> dict[str, tuple[Any, Any]]:
     """State variables of all effects, as `state_fields` of each place."""
     return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
 

@@ -31,15 +31,10 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Claim:
-    """One outcome as it is printed, with its verdict and the wall time that it took [s]."""
+class Claim(Outcome):
+    """An outcome as it is printed, with its check, its verdict and the wall time that it took [s]."""
 
     id: str
-    claim: str
-    got: float
-    want: float
-    tolerance: float
-    precision: str
     passed: bool
     wall_s: float
 
@@ -74,7 +69,7 @@ def holds(claim: str, truth: bool, precision: Precision) -> Outcome:
 def as_claim(ident: str, outcome: Outcome, wall_s: float) -> Claim:
     """The outcome with its verdict; got = NaN fails."""
     passed = bool(abs(outcome.got - outcome.want) <= outcome.tolerance)
-    return Claim(ident, **asdict(outcome), passed=passed, wall_s=wall_s)
+    return Claim(**asdict(outcome), id=ident, passed=passed, wall_s=wall_s)
 
 
 def verify(

@@ -6,7 +6,7 @@ import pytest
 from taichi_erosion.campaign.calibration_steps import centre_value, screened_effects
 from taichi_erosion.experiments.anova import effects
 from taichi_erosion.experiments.design import Factor, plackett_burman
-from taichi_erosion.experiments.fit import fit_model, linear_terms
+from taichi_erosion.experiments.fit import fit_model, model_terms
 
 FACTORS = tuple(Factor(f"f{k}", 0.0, 1.0) for k in range(9))
 SLOPE = 3.0  # response per coded unit of the first factor
@@ -22,7 +22,7 @@ def screened(centre_points: int = 4, seed: int = 3):
 
 
 def test_a_bent_response_leaves_effects_and_their_certainty_alone():
-    fit = fit_model(screened(), "angle", linear_terms(9))
+    fit = fit_model(screened(), "angle", model_terms(9, "linear"))
     found, limits = screened_effects(fit)
     # standard error of an effect of 12 runs: 2 sd / sqrt(12)
     assert found[0].value == pytest.approx(2.0 * SLOPE, abs=4.0 * 2.0 * NOISE / 12**0.5)
@@ -34,7 +34,7 @@ def test_a_bent_response_leaves_effects_and_their_certainty_alone():
 def test_idle_factors_seldom_pass_the_limit_of_all_at_once():
     passed = 0
     for seed in range(100):
-        found, limits = screened_effects(fit_model(screened(seed=seed), "angle", linear_terms(9)))
+        found, limits = screened_effects(fit_model(screened(seed=seed), "angle", model_terms(9, "linear")))
         passed += max(abs(one.value) for one in found[1:]) > limits.bonferroni
     assert passed <= 11  # at most one in twenty is expected; more than 11 of 100 come by chance once in 200
 

@@ -41,8 +41,8 @@ DOCUMENT = {
     "recording": Path("recordings/funnel.rrd"),
     "versions": {},
 }
-HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
-BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
+HELD = Claim("a sphere falls freely", 1.0, 1.0, 1e-6, "f64", "V01", True, 0.1)
+BROKEN = Claim("a sphere bounces", float("nan"), 2.0, 1e-6, "f32", "V02", False, 0.1)
 VALID = {"scene": "funnel", "hash": "abc", "effects": []}
 SCENE, RECORDING, PICTURE = Path("s.toml"), Path("a.rrd"), Path("a.png")
 CHECKED = ((SCENE, ("a=1",), (), commands.examine_effect), {})

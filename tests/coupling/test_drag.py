@@ -1,11 +1,12 @@
 """Drag on the device against the same laws written a second time."""
 
 from itertools import product
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.setup import DragLaw, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling import drag
 from tests.verification.reference.flow import LAWS, Stream
@@ -16,7 +17,7 @@ MASS = 2e-8  # kg
 CASES = np.array(list(product((1e-4, 0.03, 0.9, 12.0), (2e-5, 2.5e-4, 3e-3), (0.4, 0.79, 0.81, 1.0))))
 
 
-@pytest.mark.parametrize("law", drag.LAWS)
+@pytest.mark.parametrize("law", get_args(DragLaw))
 def test_drag_is_that_of_its_published_law(start_device, law: str):
     start_device(Numerics("cpu", 1, "f64"))
     rate = drag.drag_law(law)

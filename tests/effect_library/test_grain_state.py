@@ -114,7 +114,7 @@ def go(sim: Simulation, time: float, *names: str) -> None:
 def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
     """A number by row of the GrainTable."""
     bed = simulation.export_bed(sim, replica)
-    return bed[f"memory_{name}"][np.argsort(bed["ident"])]
+    return bed[f"effect_{name}"][np.argsort(bed["ident"])]
 
 
 def calm(sim: Simulation, name: str) -> Any:
@@ -144,7 +144,7 @@ def test_a_resumed_run_remembers_to_the_last_bit(sim):
 def test_grains_of_a_state_that_knew_no_memory_enter_now(sim):
     go(sim, 0.01, "lying", "beside")
     assert calm(sim, "beside").any()
-    kept = {name: values for name, values in simulation.export_state(sim).items() if "_memory_" not in name}
+    kept = {name: values for name, values in simulation.export_state(sim).items() if "_effect_" not in name}
     simulation.import_state(begun(sim), kept)
     assert not calm(sim, "beside").any()
 
@@ -188,8 +188,8 @@ def test_a_cement_pulls_both_partners_alike(sim):
     simulation.import_state(sim, pushed(sim, "free", 0, (-0.01, 0.0, 0.0)))
     state, prefix = pushed(sim, "cemented", 0, (-0.01, 0.0, 0.0)), f"replica{PLACE['cemented']}"
     for name, values in zip("xyz", state[f"{prefix}_origin"].T, strict=True):
-        state[f"{prefix}_memory_surface_crust.{name}"] = values
-    state[f"{prefix}_memory_surface_crust.calm"] = np.ones(3)
+        state[f"{prefix}_effect_surface_crust.{name}"] = values
+    state[f"{prefix}_effect_surface_crust.calm"] = np.ones(3)
     simulation.import_state(sim, state)
     go(sim, 1e-3, "cemented", "free")
     cemented, free = (simulation.snapshot(sim, PLACE[name]).velocity for name in ("cemented", "free"))

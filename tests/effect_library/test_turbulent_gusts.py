@@ -13,11 +13,10 @@ from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, probe_of, set_members
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.transfer import download_field
-from taichi_erosion.coupling.drag import LAWS, drag_law
+from taichi_erosion.coupling.drag import drag_law
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.effect_library.turbulent_gusts import EFFECT, Params
-from tests.verification.reference.flow import LAWS as REFERENCE
-from tests.verification.reference.flow import Stream
+from tests.verification.reference.flow import LAWS, Stream
 
 GUSTS = Params()
 FRICTION_VELOCITY, WIND = 0.4, 3.0  # m s-1
@@ -72,7 +71,7 @@ def test_the_drag_in_gusts_is_that_of_the_law_of_the_run(law: str):
 
         def force(velocity: np.ndarray, void: float = void) -> np.ndarray:
             speed = float(np.linalg.norm(velocity))
-            return REFERENCE[law](Stream(speed, 2.0 * RADIUS, DENSITY, VISCOSITY, void)) * velocity / speed
+            return LAWS[law](Stream(speed, 2.0 * RADIUS, DENSITY, VISCOSITY, void)) * velocity / speed
 
         found = [probe(GUSTS, {}, time=time, **GRAIN | {"void_fraction": void})[0] for time in TIMES]
         want = [force(slip + np.array([u, 0.0, w])) - force(slip) for u, w in change]

@@ -12,7 +12,7 @@ from PIL import Image
 from recorded_heaps import FLOOR, MOVING, header, heap_snapshot, record_heap, recorded
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.snapshot import ContactNetwork, GrainFields
+from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields
 from taichi_erosion.recording import air_recording, export, readback, stream
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of a quarter about z
@@ -125,7 +125,7 @@ def test_fields_are_read_back_and_become_one_table_over_time_and_height(tmp_path
     found = readback.read_fields(path)
     for one, other in zip(found, written, strict=True):
         np.testing.assert_allclose(one.at["z"], other.at["z"])
-        for name in air_recording.FIELDS:
+        for name in FIELD_UNITS:
             np.testing.assert_allclose(getattr(one, name), getattr(other, name))
     table = export.field_table(found)
     assert dict(table.sizes) == {"time": 2, "z": 6, "axis": 3, "along": 3}

@@ -20,7 +20,6 @@ from taichi_erosion.experiments.fit import (
     coefficient_table,
     fit_model,
     interaction_terms,
-    linear_terms,
     model_matrix,
     model_terms,
 )
@@ -45,7 +44,7 @@ def factors(count: int) -> list[Factor]:
 
 def fitted(design: Design, values: Floats, order: str) -> Fit:
     """The model of one synthetic response."""
-    terms = linear_terms(len(design.factors)) if order == "linear" else model_terms(3, "quadratic")
+    terms = model_terms(len(design.factors), "linear") if order == "linear" else model_terms(3, "quadratic")
     return fit_model(design.with_responses(y=values), "y", terms)
 
 
@@ -73,7 +72,7 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
     """What must come back to rounding."""
     linear = fitted(screening, 20.0 + screening.coded @ SCREENED, "linear")
     yield below("Plackett-Burman: error of nine slopes", linear.coefficients[1:] - SCREENED, ROUNDING, "f64")
-    kept = model_matrix(screening.coded, linear_terms(9))
+    kept = model_matrix(screening.coded, model_terms(9, "linear"))
     left_out = model_matrix(screening.coded, interaction_terms(9))[:, 1:]
     strengths = np.linspace(-1.0, 1.0, left_out.shape[1])
     mixed = fitted(screening, left_out @ strengths, "linear")

@@ -61,7 +61,7 @@ def test_a_check_that_breaks_is_a_claim_that_fails_and_says_why() -> None:
     assert "spheres were cubes" in second.claim
 
 
-HOLES = Claim("V33", "Beverloo, round holes of 6 d: exponent", 2.64, 2.5, 0.1, "f32", False, 1.0)
+HOLES = Claim("Beverloo, round holes of 6 d: exponent", 2.64, 2.5, 0.1, "f32", "V33", False, 1.0)
 
 
 def test_a_failure_is_known_as_far_as_it_was_found() -> None:

@@ -8,7 +8,7 @@ and kinematic viscosity [m2 s-1] of the air, eps the share of the volume that is
 u is the velocity between the grains and the pressure force on the grain counts by itself (model A).
 
 Every law is a ti.func drag_rate(slip, radius, mass, density, viscosity, void) -> b [s-1]. A new one stands in
-a file of its name, in `LAWS` below, and in `DragLaw` of `core/setup.py`, by which scenes accept it.
+a file of its name, and in `DragLaw` of `core/setup.py`, by which scenes accept it.
 
 Reference: Zhou et al. (2010), J. Fluid Mech. 661, 482 (model A).
 """
@@ -19,7 +19,6 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 
-LAWS = ("schiller_naumann", "two_limits", "two_limits_hindered", "di_felice", "gidaspow")
 SLIP_LEAST = 1e-9  # keeps logarithms and divisions finite where air and grain move together [m s-1]
 
 
