@@ -182,7 +182,8 @@ def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floa
         yield "fill.radius", start, upwards, fill.radius, fill.radius
     elif isinstance(fill, Lattice):
         yield "fill.radius", np.array(fill.centre), np.array(unit_vector(fill.axis)), fill.radius, fill.radius
-    for path, inlet in fill.parts.items() if isinstance(fill, Pour) else ():
+    inlets = fill.parts if isinstance(fill, Pour) else {}
+    for path, inlet in [(path, each) for path, each in inlets.items() if not each.mesh]:
         shape = "radius" if inlet.radius else "size" if inlet.size else "end"
         narrowest = 0.5 * min(inlet.size) if inlet.size else inlet.reach
         yield f"{path}.{shape}", np.array(inlet.middle), upwards, inlet.reach, narrowest

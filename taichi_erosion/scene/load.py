@@ -19,8 +19,8 @@ from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS, FOR_HASH
-from taichi_erosion.scene.schema.geometry import Mesh
-from taichi_erosion.scene.schema.grains import Bed, Size
+from taichi_erosion.scene.schema.geometry import Hull
+from taichi_erosion.scene.schema.grains import Bed, Pour, Size
 from taichi_erosion.scene.schema.scene import Scene
 
 S = TypeVar("S", Scene, AirScene)
@@ -298,10 +298,11 @@ def scene_hash(scene: Scene | AirScene) -> str:
     table = scene.model_dump(mode="json", exclude_none=True, exclude=NOT_HASHED, context=FOR_HASH)
     if isinstance(scene, Scene):
         table["contact"] = {"-".join(sorted(pair.split("-"))): row for pair, row in table["contact"].items()}
+        inlets = scene.fill.parts if isinstance(scene.fill, Pour) else {}
         table["meshes"] = {  # the content of a mesh file counts, not its name
-            name: sha256((scene.folder / wall.file).read_bytes()).hexdigest()
-            for name, wall in scene.geometry.items()
-            if isinstance(wall, Mesh)
+            name: sha256((scene.folder / mesh.file).read_bytes()).hexdigest()
+            for name, mesh in [*scene.geometry.items(), *((path, each.mesh) for path, each in inlets.items())]
+            if isinstance(mesh, Hull)
         }
         for name, order in scene.measure.items():
             if order.file is not None:

@@ -1,5 +1,6 @@
 """Initial bodies of one replica in order of release: random streams, and one function per fill law."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from math import cos, inf, pi, sin, sqrt
@@ -11,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.scene.preparation.bed import bed_grains, saved_bed
 from taichi_erosion.scene.preparation.sizes import kind_counts, nominal_diameter, sample_diameters
-from taichi_erosion.scene.preparation.walls import distance_to_wall
+from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
@@ -19,7 +20,10 @@ from taichi_erosion.scene.schema.scene import Scene
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
 MOST_LAYERS = 200  # of rain in which none of the points is free for a grain [1]
 ASIDE = 0.1  # of a radius that grains lie beside a line, without which they would stack in one plane [1]
+AT_ONCE = 20_000  # pairs of a point and a triangle that are compared at once
 TRIES = 400  # random places tried for a grain before its layer is closed [1]
+
+Places = Iterator[tuple[Floats, float]]  # of points inside a mesh, with their depth [m]
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
@@ -42,37 +46,43 @@ def pour(
     density = np.array([material.density for material in scene.grain_materials.values()])
     place, velocity, release = np.empty((len(kind), 3)), np.zeros((len(kind), 3)), np.empty(len(kind))
     owner = np.empty(len(kind), np.int32)
-    inlets = list(fill.parts.values())
+    inlets = list(fill.parts.items())
     for k, name in enumerate(kinds):
-        shares = np.cumsum([each.share * (each.kind in (None, name)) for each in inlets])
+        shares = np.cumsum([each.share * (each.kind in (None, name)) for _, each in inlets])
         rows = np.flatnonzero(kind == k)
         owner[rows] = np.searchsorted(shares / shares[-1], (np.arange(len(rows)) + 0.5) / max(len(rows), 1))
-    for number, inlet in enumerate(inlets):
+    for number, (path, inlet) in enumerate(inlets):
         rows = np.flatnonzero(owner == number)
         if inlet.mass_rate is not None and len(rows):
             masses = density[kind[rows]] * pi / 6.0 * diameter[rows] ** 3
             inlet = inlet.model_copy(update={"rate": inlet.mass_rate / masses.mean()})
-        place[rows], release[rows] = pour_layers(inlet, reach * diameter[rows], gravity, random)
+        place[rows], release[rows] = pour_layers(
+            inlet, reach * diameter[rows], gravity, random, inlet_mesh(scene, path, inlet)
+        )
         velocity[rows, 2] = -inlet.speed
     return place, velocity, release
 
 
 def pour_layers(
-    inlet: Inlet, radius: Floats, gravity: float, random: np.random.Generator
+    inlet: Inlet, radius: Floats, gravity: float, random: np.random.Generator, mesh: Floats
 ) -> tuple[Floats, Floats]:
     """Random places [n, 3] m and release times [n] s of grains of bounding radii [m] at one inlet.
 
     A layer is released at once, the next one when this one has fallen clear of it. A rate makes layers as
     thin as it can keep them, so that the flow is steady; where one grain a layer is still too fast, layers
-    wait.
+    wait. Raises BadInput where a grain finds no place.
     """
-    clear = clearing_time(inlet, float(radius.max(initial=0.0)), gravity)
+    clear = clearing_time(inlet, float(radius.max(initial=0.0)), gravity, mesh)
     most = max(1, round(inlet.rate * clear)) if inlet.rate else len(radius)
     place = np.empty((len(radius), 3))
-    release = np.empty(len(radius))
+    release, inside = np.empty(len(radius)), places_inside(mesh, random)
     first, time = 0, inlet.begin
     while first < len(radius):
-        layer = random_layer(inlet, radius[first : first + most], random)
+        layer = random_layer(inlet, radius[first : first + most], random, mesh_cubes(mesh), inside)
+        if not len(layer):
+            raise BadInput(
+                f"fill: a grain with a reach of {radius[first]:g} m finds no place inside the mesh"
+            )
         last = first + len(layer)
         place[first:last], release[first:last] = layer, time
         time += max(clear, len(layer) / inlet.rate if inlet.rate else 0.0)
@@ -80,28 +90,50 @@ def pour_layers(
     return place + np.array(inlet.centre or inlet.middle), release
 
 
-def clearing_time(inlet: Inlet, largest: float, gravity: float) -> float:
+def inlet_mesh(scene: Scene, path: str, inlet: Inlet) -> Floats:
+    """Triangles around an inlet [t, 3, 3] m, none of a flat one."""
+    return closed_mesh(scene, f"{path}.mesh", inlet.mesh) if inlet.mesh else np.zeros((0, 3, 3))
+
+
+def clearing_time(inlet: Inlet, largest: float, gravity: float, mesh: Floats) -> float:
     """Time in which a layer falls clear of the next [s]:  v t + g t^2 / 2  is the distance of two layers."""
-    distance = 2.0 * CLEARANCE * largest
+    distance = 2.0 * CLEARANCE * largest + (float(np.ptp(mesh[..., 2])) if len(mesh) else 0.0)
     return 2.0 * distance / (inlet.speed + sqrt(inlet.speed * inlet.speed + 2.0 * gravity * distance) or inf)
 
 
-def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> Floats:
+def random_layer(
+    inlet: Inlet, radius: Floats, random: np.random.Generator, cubes: float, inside: Places
+) -> Floats:
     """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
     square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
-    allowed = np.searchsorted(np.cumsum(radius**2), inlet.coverage * square, side="right")
+    covered, whole = (radius**3, cubes / 8.0) if inlet.mesh else (radius**2, square)
+    allowed = np.searchsorted(np.cumsum(covered), inlet.coverage * whole, side="right")
     count = max(1, min(int(allowed), len(radius)))
     points = np.zeros((count, 3))
     for k in range(count):
-        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], random)
+        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], random, inside)
         if place is None:
             return points[:k]
         points[k] = place
     return points
 
 
+def mesh_cubes(mesh: Floats) -> float:
+    """Volume inside a closed mesh over that of a grain of diameter 1 m [1]."""
+    return float(abs(np.linalg.det(mesh).sum()) / pi)
+
+
+def places_inside(mesh: Floats, random: np.random.Generator) -> Places:
+    """Random points inside a closed mesh, each with its depth [m], without end."""
+    low, high = bounds_of(mesh)
+    while True:
+        points = random.uniform(low, high, (AT_ONCE // len(mesh) + 1, 3))
+        deep = depths(mesh, points)
+        yield from zip(points[deep > 0.0], deep[deep > 0.0], strict=True)
+
+
 def free_place(
-    inlet: Inlet, radius: float, others: Floats, distance: Floats, random: np.random.Generator
+    inlet: Inlet, radius: float, others: Floats, distance: Floats, random: np.random.Generator, inside: Places
 ) -> Floats | None:
     """A place in the shape for a grain, farther than `distance` from the others, or None."""
     for _ in range(TRIES):
@@ -110,6 +142,10 @@ def free_place(
             place = np.array([r * np.cos(angle), r * np.sin(angle), 0.0])
         elif inlet.size:
             place = np.append((np.array(inlet.size) - 2.0 * radius) * (random.uniform(size=2) - 0.5), 0.0)
+        elif inlet.mesh:
+            place, depth = next(inside)
+            if depth < radius:
+                continue
         else:
             along = 2.0 * np.subtract(inlet.middle, inlet.centre or inlet.middle)
             across = np.array([-along[1], along[0], 0.0]) / np.linalg.norm(along)
@@ -295,7 +331,8 @@ def start_top(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Positions):
         return max(grain.position[2] for grain in fill.grains) + reach_largest
     if isinstance(fill, Pour):
-        return max(each.middle[2] for each in fill.parts.values()) + reach_largest
+        meshes = [(each, inlet_mesh(scene, path, each)[..., 2]) for path, each in fill.parts.items()]
+        return max(z.max() if each.mesh else each.middle[2] for each, z in meshes) + reach_largest
     if isinstance(fill, Bed):
         return float(saved_bed(scene, fill, scene.run.seed)["position"][:, 2].max()) + reach_largest
     if isinstance(fill, Lattice):

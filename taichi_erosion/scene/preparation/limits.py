@@ -16,7 +16,7 @@ from taichi_erosion.scene.preparation.contacts import (
     surface_energy,
     young_effective,
 )
-from taichi_erosion.scene.preparation.fill import clearing_time, start_top
+from taichi_erosion.scene.preparation.fill import clearing_time, inlet_mesh, mesh_cubes, start_top
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
@@ -121,8 +121,10 @@ def inlet_warnings(scene: Scene) -> Iterator[str]:
     """Sentences about inlets that cannot keep their rate: layers of grains fall clear of each other."""
     width = sizes.grain_cube(scene) ** (1.0 / 3.0)
     for path, inlet in scene.fill.parts.items() if isinstance(scene.fill, Pour) else ():
-        clear = clearing_time(inlet, 0.5 * sizes.size_range(scene.grains)[1], scene.gravity.magnitude)
-        most = inlet.coverage * inlet.area(width) / (0.25 * pi * width**2) / clear
+        mesh = inlet_mesh(scene, path, inlet)
+        clear = clearing_time(inlet, 0.5 * sizes.size_range(scene.grains)[1], scene.gravity.magnitude, mesh)
+        room = mesh_cubes(mesh) / width**3 if inlet.mesh else inlet.area(width) / (0.25 * pi * width**2)
+        most = inlet.coverage * room / clear
         mean = scene.grain_density * pi / 6.0 * width**3
         rate = inlet.rate or (inlet.mass_rate or 0.0) / mean
         if rate > 1.2 * most:

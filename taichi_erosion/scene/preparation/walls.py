@@ -5,7 +5,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import SHAPE_NUMBERS, Floats, Motion, PrimitiveKind, PrimitiveTable, Servo
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
-from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Mesh, Plane
+from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Hull, Mesh, Plane
 from taichi_erosion.scene.schema.scene import Movement, Scene
 
 MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed grains roll away [1]
@@ -14,6 +14,7 @@ MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [
 MARGIN_RADII = 20.0  # least margin, in largest radii [1]
 MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
 MOST_TRIANGLES = 500_000
+FLAT = 1e-3  # volume of a mesh over that of its box, below which nothing lies inside [1]
 
 Row = tuple[PrimitiveKind, tuple[float, ...]]
 
@@ -110,7 +111,7 @@ def wall_rows(scene: Scene, name: str) -> list[Row]:
             rows.append((PrimitiveKind.PLANE, (*(wall.low if face.endswith("low") else wall.high), *inwards)))
         return rows
     if isinstance(wall, Mesh):
-        triangles = mesh_triangles(scene, name, wall).reshape(-1, 9)
+        triangles = mesh_triangles(scene, f"geometry.{name}", wall).reshape(-1, 9)
         return [(PrimitiveKind.TRIANGLE, tuple(corners)) for corners in triangles.tolist()]
     return [(PrimitiveKind.REVOLVED, numbers) for numbers in revolved_rows(wall)]
 
@@ -144,16 +145,16 @@ def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ..
     return [(*axis, wall.radius_low, 0.0, wall.radius_high, wall.length)]
 
 
-def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
-    """Corners of a mesh file's triangles, [t, 3, 3] m."""
+def mesh_triangles(scene: Scene, path: str, mesh: Hull) -> Floats:
+    """Corners of a mesh file's triangles, [t, 3, 3] m; `path` names the mesh in the scene."""
     # the import takes a third of a second, which scenes without meshes are spared
     import trimesh
 
-    path, entry = scene.folder / wall.file, f"geometry.{name}.file = '{wall.file}'"
-    if not path.is_file():
+    file, entry = scene.folder / mesh.file, f"{path}.file = '{mesh.file}'"
+    if not file.is_file():
         raise BadInput(f"{entry}: no such file beside the scene")
     try:
-        triangles = np.asarray(trimesh.load_mesh(path).triangles, dtype=np.float64)
+        triangles = np.asarray(trimesh.load_mesh(file).triangles, dtype=np.float64)
     except Exception as error:  # the readers of the many formats raise whatever their parsers raise
         reason = str(error).splitlines() or [type(error).__name__]
         raise BadInput(f"{entry} is not a triangle mesh: {reason[0][:120]}") from None
@@ -161,7 +162,45 @@ def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
         raise BadInput(f"{entry} needs 1 to {MOST_TRIANGLES} triangles in space")
     if not np.isfinite(triangles).all():
         raise BadInput(f"{entry} has corners that are not finite")
-    return triangles * wall.scale + np.array(wall.translate)
+    return triangles * mesh.scale + np.array(mesh.translate)
+
+
+def closed_mesh(scene: Scene, path: str, mesh: Hull) -> Floats:
+    """Triangles [t, 3, 3] m of a mesh that has an inside. Raises BadInput where it has none."""
+    import trimesh
+
+    triangles = mesh_triangles(scene, path, mesh)
+    entry, sides = f"{path}.file = '{mesh.file}'", np.ptp(bounds_of(triangles), axis=0)
+    solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles / sides.max()))
+    is_closed = solid.is_watertight and solid.is_winding_consistent
+    if not is_closed or abs(solid.volume) < FLAT * np.prod(sides / sides.max()):
+        raise BadInput(f"{entry} has no inside: it is open, flat, or its triangles face both ways")
+    return triangles
+
+
+def depths(triangles: Floats, points: Floats) -> Floats:
+    """Depth of points [n, 3] m inside a closed mesh [n] m, 0 outside.
+
+    Inside the triangles fill the whole sphere of directions, outside their solid angles add up to nothing:
+
+        tan(W / 2) = a . (b x c) / (|a| |b| |c| + (a . b) |c| + (b . c) |a| + (c . a) |b|)
+
+    with a, b, c the corners of a triangle as seen from the point.
+    Reference: Van Oosterom & Strackee (1983), IEEE Trans. Biomed. Eng. 30, 125.
+    """
+    import trimesh
+
+    arms = triangles - points[:, None, None]
+    corners = [arms[:, :, k] for k in range(3)]
+    far = [np.linalg.norm(corner, axis=-1) for corner in corners]
+    sides = [(corners[k] * corners[k - 2]).sum(axis=-1) * far[k - 1] for k in range(3)]
+    across = (corners[0] * np.cross(corners[1], corners[2])).sum(axis=-1)
+    angle = 2.0 * np.arctan2(across, far[0] * far[1] * far[2] + sides[0] + sides[1] + sides[2]).sum(axis=1)
+    depth, inside = np.zeros(len(points)), np.abs(angle) > 2.0 * np.pi
+    seen = np.repeat(points[inside], len(triangles), axis=0)
+    nearest = trimesh.triangles.closest_point(np.tile(triangles, (inside.sum(), 1, 1)), seen)
+    depth[inside] = np.linalg.norm(nearest - seen, axis=1).reshape(-1, len(triangles)).min(axis=1)
+    return depth
 
 
 def wall_bounds(scene: Scene, name: str) -> Floats:
@@ -172,7 +211,7 @@ def wall_bounds(scene: Scene, name: str) -> Floats:
     if isinstance(wall, Box):
         return bounds_of(np.array([wall.low, wall.high]))
     if isinstance(wall, Mesh):
-        return bounds_of(mesh_triangles(scene, name, wall).reshape(-1, 3))
+        return bounds_of(mesh_triangles(scene, f"geometry.{name}", wall))
     corners = []  # of a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k
     for row in revolved_rows(wall):
         point, axis = np.array(row[0:3]), np.array(row[3:6])
@@ -183,5 +222,6 @@ def wall_bounds(scene: Scene, name: str) -> Floats:
 
 
 def bounds_of(points: Floats) -> Floats:
-    """Low and high corner [2, 3] m of the box around points."""
+    """Low and high corner [2, 3] m of the box around points [..., 3] m."""
+    points = points.reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)])

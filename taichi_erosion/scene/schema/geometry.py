@@ -107,21 +107,26 @@ class Box(Section):
         return self
 
 
-class Mesh(Section):
+class Hull(Section):
     """Triangles of a file (STL, PLY, OBJ), looked for beside the scene."""
 
-    shape: Literal["mesh"]
-    material: Name
     file: str = Field(min_length=1, max_length=200, description="path relative to the scene file")
     scale: float = fields.number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
     translate: Vector = fields.position(ORIGIN, "shift after scaling")
 
     @model_validator(mode="after")
-    def _stays_beside_the_scene(self) -> "Mesh":
+    def _stays_beside_the_scene(self) -> "Hull":
         path = PurePath(self.file)
         if path.is_absolute() or ".." in path.parts or "\0" in self.file:
             raise fields.contradiction(f"file = '{self.file}' must lie beside or below the scene file")
         return self
+
+
+class Mesh(Hull):
+    """Triangles of a file as a wall."""
+
+    shape: Literal["mesh"]
+    material: Name
 
 
 class Domain(Section):

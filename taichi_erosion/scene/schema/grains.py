@@ -19,6 +19,7 @@ from taichi_erosion.scene.schema.fields import (
     number,
     position,
 )
+from taichi_erosion.scene.schema.geometry import Hull
 
 LIGHTEST = 25.0  # no solid has more than 23 g cm-3: smaller numbers are taken for that unit [kg m-3]
 MOST_GRAINS = 5_000_000  # about 5 GB of state
@@ -332,28 +333,29 @@ class Lattice(JitteredNet):
 
 
 class Inlet(Section):
-    """Grains pass a disc, a rectangle or a line, layer by layer, at random places without overlap."""
+    """Grains pass a disc, a rectangle, a line or a closed mesh, layer by layer, apart, at random places."""
 
     centre: Vector | None = position(None, "middle of the disc or rectangle, or one end of the line")
     radius: float | None = extent(None, "radius of a horizontal disc, whole grains inside")
     size: tuple[float, float] | None = extent(None, "sides of a horizontal rectangle along x and y, likewise")
     end: Vector | None = position(None, "other end of a line, on which grains lie side by side")
+    mesh: Hull | None = Field(None, description="closed mesh, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
     rate: float | None = number(
         None, "s-1", "grains per second; left out: as fast as layers clear", 1e-3, 1e9
     )
     mass_rate: float | None = number(None, "kg s-1", "mass per second, in place of rate", 1e-12, 1e6)
-    coverage: float = number(0.25, "1", "share of area or length that a layer covers", 1e-3, 0.45)
+    coverage: float = number(0.25, "1", "share of area, length or volume that a layer covers", 1e-3, 0.45)
     begin: float = number(0.0, "s", "time at which it opens", 0.0, 1e5)
     share: float = number(1.0, "1", "its share of the grains among inlets, in any unit", 1e-6, MOST_MASS)
     kind: Name | None = Field(default=None, description="kind of grains that alone passes; left out: all")
 
     @model_validator(mode="after")
     def _one_shape(self) -> "Inlet":
-        shapes = [name for name in ("radius", "size", "end") if getattr(self, name) is not None]
-        alone = (0, True) if getattr(self, "inlets", {}) else (1, False)
-        if (len(shapes), self.centre is None) != alone:
-            words = "centre and one of radius (disc), size (rectangle), end (line)"
+        shapes = [name for name in ("radius", "size", "end", "mesh") if getattr(self, name) is not None]
+        alone = 0 if getattr(self, "inlets", {}) else 1
+        if (len(shapes), self.centre is None) != (alone, alone == 0 or self.mesh is not None):
+            words = "centre and one of radius (disc), size (rectangle), end (line), or mesh without centre"
             raise contradiction(f"needs {words}; beside inlets none of these")
         if self.centre and self.end and self.centre[2] != self.end[2]:
             raise contradiction("the line from centre to end must be horizontal")

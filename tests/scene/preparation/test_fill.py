@@ -2,17 +2,20 @@
 
 from dataclasses import replace
 from math import pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy
+import trimesh
 from scene_tables import changed, good_table
 from scipy.spatial import KDTree
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import GrainTable, Setup
 from taichi_erosion.effect_library import load_library
-from taichi_erosion.scene import build_setup, explain, parse_scene
+from taichi_erosion.scene import build_setup, explain, parse_scene, scene_hash
 from taichi_erosion.scene.change import SAMPLE, with_section
 from taichi_erosion.scene.preparation.fill import initial_bodies
 from taichi_erosion.simulation.scene_setup import effective_scene
@@ -263,3 +266,28 @@ def test_a_kind_that_no_inlet_lets_pass_is_refused():
     inlet = {"centre": [0.0, 0.0, 0.2], "radius": 0.02, "kind": "soil"}
     with pytest.raises(BadInput, match="none of them lets 'steel' pass"):
         parse_scene(table_of_inlets({"sand": inlet}, kinds=KINDS))
+
+
+def test_a_closed_mesh_lets_whole_grains_in_as_a_box_would_at_its_rate(tmp_path: Path):
+    box = trimesh.creation.box((30.0, 20.0, 10.0))
+    box.export(tmp_path / "box.stl")
+    trimesh.Trimesh(box.vertices, box.faces[:-1]).export(tmp_path / "open.stl")
+    box.invert()
+    box.export(tmp_path / "inverted.ply")
+    mesh = {"scale": 1e-3, "translate": [0.0, 0.0, 0.2]}
+    files = {"box": "box.stl", "inverted": "inverted.ply"}
+    table = table_of_inlets(
+        {name: {"mesh": mesh | {"file": file}, "rate": 2e3} for name, file in files.items()}
+    )
+    scene = parse_scene(table, "s.toml", tmp_path)
+    grains, name = build_setup(scene, 1).grains, scene_hash(scene)
+    share = (grains.position - mesh["translate"]) / ([15e-3, 10e-3, 5e-3] - grains.radius[:, None])
+    assert np.abs(share).max() <= 1.0 + 1e-9
+    for column in share.T:
+        assert scipy.stats.kstest(column, scipy.stats.uniform(-1.0, 2.0).cdf).pvalue > 1e-3
+    assert len(share) / grains.release_time.max() == pytest.approx(4e3, rel=0.1)
+    (tmp_path / "box.stl").write_bytes((tmp_path / "open.stl").read_bytes())
+    assert scene_hash(scene) != name  # it follows the content of the file
+    table["fill"]["inlets"] = {"open": {"mesh": {"file": "open.stl"}}}
+    with pytest.raises(BadInput, match=r"fill\.inlets\.open\.mesh.file = 'open.stl' has no inside"):
+        parse_scene(table, "s.toml", tmp_path)
