@@ -20,6 +20,8 @@ run TIME | run until rest  run for a simulated time, such as 0.5s
 run to TIME                run to a simulated time
 stage                      begin the next stage of the scene
 set PATH VALUE             change an entry of the scene during the run
+insert N [at X Y Z | through INLET]  let grains in from now on
+remove NUMBER...           take grains out by their numbers
 get PATH                   show an entry of the scene
 measure                    evaluate the scene's measures now
 plot NAME FILE             write the curve of a number so far as PNG
@@ -66,6 +68,21 @@ def set_entry(session: Session, path: str, value: str) -> str:
     reply = live.set_entry(session, path, value)
     new = [f"\nwarning: {each}" for each in live.warnings_now(session) if each not in before]
     return f"{path} = {value} {reply}{''.join(new)}"
+
+
+def insert(session: Session, count: str, *where: str) -> str:
+    try:
+        x, y, z = map(float, where[1:]) if where[:1] == ("at",) else (0.0, 0.0, 0.0)
+        inlet = where[1] if where[:1] == ("through",) else None
+        live.insert(session, int(count), (x, y, z) if where[:1] == ("at",) else None, inlet)
+    except (ValueError, IndexError):
+        raise BadInput(f"usage: {usage('insert')}") from None
+    return status(session)
+
+
+def remove(session: Session, *numbers: str) -> str:
+    live.remove(session, *(int(number) if number.isdigit() else -1 for number in numbers))
+    return status(session)
 
 
 def measure(session: Session) -> str:
@@ -176,6 +193,8 @@ COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind
     "run": run,
     "stage": lambda session: f"stage {live.next_stage(session)} begins",
     "set": set_entry,
+    "insert": insert,
+    "remove": remove,
     "get": lambda session, path: f"{path} = {entries.entry(session, path)}",
     "measure": measure,
     "plot": plot,

@@ -15,16 +15,19 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count, pairwise
+from math import inf
 from pathlib import Path
 from shlex import quote
 from time import monotonic
 from typing import Any
 
+from scipy.spatial.distance import cdist
+
 from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.setup import GrainTable, Numerics, Triple
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_interval
@@ -43,12 +46,16 @@ from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import film_frame, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
-from taichi_erosion.scene import Scene, laws
+from taichi_erosion.scene import Scene, build_setup, laws
 from taichi_erosion.scene.preparation.contacts import contact_table
+from taichi_erosion.scene.preparation.fill import inlets_from
+from taichi_erosion.scene.preparation.setup import joined_grains
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
+from taichi_erosion.simulation.saved_state import without_grains
 
 RUN_TO = "run to"  # command of the history: runs of several calls become one
+CHANGES = ("set ", "insert ", "remove ")  # commands that change what a run goes on with
 STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
 NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
 LIVE = ("contact", "gravity", "wind", "effects", "conditions", *NO_PHYSICS)  # sections that may change
@@ -113,11 +120,13 @@ def open_session(
     return Session(Path(path), scene, overrides, chosen, library, ensemble, effect_files=files)
 
 
-def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> EnsembleRun:
-    """Ensemble of one replica, before its first stage."""
+def build(
+    scene: Scene, seed: int, library: Mapping[str, Effect], grains: GrainTable | None = None
+) -> EnsembleRun:
+    """Ensemble of one replica, before its first stage, of the grains of its scene or of others."""
     numerics = Numerics(precision=scene.run.precision)
-    effective = simulation.effective_scene(scene, library)
-    sim = simulation.assemble([simulation.prepare(scene, seed, library)], laws(effective), numerics)
+    effective, setup = simulation.effective_scene(scene, library), simulation.prepare(scene, seed, library)
+    sim = simulation.assemble([replace(setup, grains=grains or setup.grains)], laws(effective), numerics)
     return EnsembleRun([effective], sim, [ReplicaState(seed)], holds=True)
 
 
@@ -240,12 +249,49 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
         effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
         state = None if simulation.set_effects(sim, 0, effects) else simulation.export_state(sim)
     if state is not None:
-        sim = build(scene, session.seed, library).sim
+        sim = build(scene, session.seed, library, session.sim.setups[0].grains).sim
         simulation.import_state(sim, state)
     # what was stated anew has done work
     states = [replace(session.state, energy=None)]
     session.ensemble = replace(session.ensemble, scenes=[effective], sim=sim, states=states)
     return "at once" if state is None else "after building the effect in"
+
+
+def insert(session: Session, count: int, at: Triple | None = None, inlet: str | None = None) -> None:
+    """Let grains of the scene's kinds and sizes in from now on, as `inlets_from` says. Raises BadInput."""
+    keep_state(session, is_due=True)
+    scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
+    if count < 1 or setup.clumps is not None or (count > 1 and not any(setup.gravity)):
+        raise BadInput("insert: one sphere or more, with gravity, without which they would not fall clear")
+    sample = {"grains": scene.grains.model_copy(update={"count": count})}
+    fill = {"fill": inlets_from(scene, session.time, at, inlet, setup.grains.release_time.max())}
+    new = build_setup(scene.model_copy(update=sample | fill), session.seed + len(setup.grains.mass)).grains
+    here, first = simulation.snapshot(session.sim, 0), new.release_time <= session.time
+    gaps = cdist(new.position[first], here.position) - new.radius[first][:, None] - here.radius
+    if gaps.min(initial=inf) < 0.0:
+        raise BadInput("insert: a grain lies there already; name another place")
+    state, where = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
+    grains = joined_grains(setup.grains, int(state["released"][0] + state["removed"][0]), new)
+    where = f" at {' '.join(repr(float(x)) for x in at)}" if at else where
+    sim = build(session.scene, session.seed, session.library, grains).sim
+    adopt(session, sim, state, f"insert {count}{where}")
+
+
+def remove(session: Session, *numbers: int) -> None:
+    """Take grains out by their numbers. Raises BadInput for one that is not there, and for clumps."""
+    if not set(numbers) <= set(simulation.snapshot(session.sim, 0).ident) or session.sim.world.clumped:
+        raise BadInput("remove: numbers of spheres that are there; a clump stays whole")
+    keep_state(session, is_due=True)
+    state = without_grains(simulation.export_state(session.sim), 0, numbers)
+    adopt(session, session.sim, state, f"remove {' '.join(map(str, numbers))}")
+
+
+def adopt(session: Session, sim: Simulation, state: dict[str, Any], line: str) -> None:
+    """Go on in a simulation with a state, to which a command has led that did work."""
+    simulation.import_state(sim, state)
+    session.ensemble = replace(session.ensemble, sim=sim, states=[replace(session.state, energy=None)])
+    session.history.append(line)
+    session.latest_change = "", 0.0
 
 
 def measure_now(session: Session) -> dict[str, Measurement]:
@@ -268,8 +314,7 @@ def copy_lists(session: Session) -> Session:
     """The session with lists of its own."""
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
-    samples, history = list(session.samples), list(session.history)
-    return replace(session, ensemble=ensemble, samples=samples, history=history)
+    return replace(session, ensemble=ensemble, samples=[*session.samples], history=[*session.history])
 
 
 def memory(states: Sequence[Kept]) -> int:
@@ -280,15 +325,20 @@ def memory(states: Sequence[Kept]) -> int:
 def keep_state(session: Session, is_due: bool = False) -> None:
     """Keep the present state where one is due; those of later times, from before a return, go."""
     states, began = session.states, monotonic()
-    here = session.time, session.overrides
-    while states and (states[-1][0].time > here[0] or (states[-1][0].time, states[-1][0].overrides) == here):
+    here = session.time, changes(session)
+    while states and (states[-1][0].time > here[0] or (states[-1][0].time, changes(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
         states.append(keep(session))
         if memory(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
-            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or a[0].overrides != b[0].overrides]
+            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or changes(a[0]) != changes(b[0])]
         session.keep_at = began + max(KEEP_EVERY, (monotonic() - began) / KEEP_SHARE)
+
+
+def changes(session: Session) -> int:
+    """Number of the changes that led to the present state."""
+    return sum(line.startswith(CHANGES) for line in session.history)
 
 
 def return_to(session: Session, time: float) -> None:
@@ -300,7 +350,7 @@ def return_to(session: Session, time: float) -> None:
 
 def undo(session: Session) -> None:
     """Return to the state before the latest change, bit for bit. Raises BadInput where there is none."""
-    earlier = [each for each in session.states if len(each[0].overrides) < len(session.overrides)]
+    earlier = [each for each in session.states if changes(each[0]) < changes(session)]
     if not earlier:
         raise BadInput("there is no change to undo")
     resume(session, earlier[-1])
@@ -321,8 +371,8 @@ def resume(session: Session, state: Kept) -> None:
     if session.sim is then.sim:
         apply_change(session, then.scene, then.library, {"wind", "effects"})
         sim = session.sim
-    else:  # an effect has been built in since
-        sim = build(then.scene, session.seed, then.library).sim
+    else:  # an effect has been built in, or grains inserted, since
+        sim = build(then.scene, session.seed, then.library, then.sim.setups[0].grains).sim
     simulation.import_state(sim, grains)
     session.ensemble = replace(copy_lists(then).ensemble, sim=sim)
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
@@ -334,8 +384,8 @@ def resume(session: Session, state: Kept) -> None:
 def saved_state(session: Session, name: str) -> Kept:
     """The state that was saved under a name. Raises BadInput for an unknown name."""
     if name not in session.saved:
-        there = ", ".join(session.saved) or "nothing"
-        raise BadInput(f"nothing is saved as '{name}'{did_you_mean(name, session.saved)}; there is {there}")
+        near, names = did_you_mean(name, session.saved), ", ".join(session.saved) or "nothing"
+        raise BadInput(f"nothing is saved as '{name}'{near}; there is {names}")
     return session.saved[name]
 
 
@@ -363,9 +413,8 @@ def write_picture(session: Session, path: Path) -> Path:
     """Write the grains seen from the side as PNG. Raises BadInput where a foreign file has the name."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
     speeds = recorders.resting_speed(setup), stream.FASTEST_COLOUR
-    return write_file(
-        session, path, png_bytes(film_frame(now, recorders.side_view(setup), walls_now(session), speeds))
-    )
+    picture = film_frame(now, recorders.side_view(setup), walls_now(session), speeds)
+    return write_file(session, path, png_bytes(picture))
 
 
 def write_file(session: Session, path: Path, picture: bytes) -> Path:
@@ -376,8 +425,8 @@ def write_file(session: Session, path: Path, picture: bytes) -> Path:
 
 def write_script(session: Session, path: Path) -> Path:
     """Write the commands that lead to the present state; a file of the user stays. Raises BadInput."""
-    changes = sum(line.startswith("set ") for line in session.history)
-    begun_with = session.overrides[: len(session.overrides) - changes]
+    sets = sum(line.startswith("set ") for line in session.history)
+    begun_with = session.overrides[: len(session.overrides) - sets]
     words = [f"--set {quote(each)}" for each in begun_with]
     words += [f"--effect {file.path}" for file in session.effect_files]
     begin = " ".join(["# live", str(session.path), *words, f"--seed {session.seed} < {path.name}"])
@@ -412,8 +461,7 @@ def log_session_frame(recorder: recorders.Recorder, session: Session) -> None:
 
 def status_numbers(session: Session) -> dict[str, float]:
     """Numbers of the status by name, in the units that the names end in."""
-    entries = session_status(session).items()
-    return {name: float(value) for name, value in entries if not isinstance(value, str)}
+    return {name: float(x) for name, x in session_status(session).items() if not isinstance(x, str)}
 
 
 def refuse_unknown_number(session: Session, name: str) -> None:

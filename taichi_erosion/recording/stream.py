@@ -260,8 +260,10 @@ def update_static_grains(
     if before.age + 1 >= REWRITE_INTERVAL:
         return StaticGrains(snapshot.ident[slow], snapshot.position[slow], 0), True
     rows = np.searchsorted(snapshot.ident, before.ident)
+    here = np.isin(before.ident, snapshot.ident)
+    rows[~here] = 0
     crept = np.linalg.norm(snapshot.position[rows] - before.position, axis=1)
-    stays = slow[rows] & (crept <= CREEP * snapshot.radius[rows])
+    stays = here & slow[rows] & (crept <= CREEP * snapshot.radius[rows])
     if stays.all():
         return StaticGrains(before.ident, before.position, before.age + 1), False
     return StaticGrains(before.ident[stays], snapshot.position[rows[stays]], before.age + 1), True

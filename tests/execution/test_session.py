@@ -20,7 +20,7 @@ from taichi_erosion.execution.recorder import present_walls
 from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
-from taichi_erosion.simulation import export_state, friction_velocity, move_surface, snapshot
+from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEW = ("grains.count=60",)
@@ -141,6 +141,44 @@ def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
     assert session.sim.world is world
     assert live.set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
     live.run_for(session, 1e-3)
+
+
+def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(session) -> None:
+    live.run_for(session, 0.02)
+    prompt.execute(session, "insert 3 at 0.0 0.0 0.008")
+    live.run_for(session, 0.05)
+    there, before = snapshot(session.sim, 0), contact_network(session.sim, 0)
+    assert len(there.ident) == 63
+    x, y, z = there.position[there.ident == 61][0]
+    with pytest.raises(BadInput, match="lies there already"):
+        prompt.execute(session, f"insert 1 at {x} {y} {z}")
+    prompt.execute(session, "remove 5 61")
+    after = contact_network(session.sim, 0)
+    stays = ~np.isin([before.first, before.second], [5, 61]).any(axis=0)
+    assert 0 < len(after.first) < len(before.first)
+    assert np.array_equal([after.first, after.second], [before.first[stays], before.second[stays]])
+    np.testing.assert_allclose(after.force, before.force[stays], rtol=1e-4, atol=1e-9)
+    live.run_for(session, 0.01)
+    now, lines = snapshot(session.sim, 0), list(session.history)
+    assert set(range(63)) - set(now.ident) == {5, 61}
+    assert now.removed == 2
+    for command in (
+        "remove 5",
+        "remove all",
+        "insert 1 through hopper",
+        "insert 0 at 0 0 0.1",
+        "insert 1 at 0 0",
+    ):
+        with pytest.raises(BadInput, match=r"numbers of spheres|no inlet|one sphere or more|usage"):
+            prompt.execute(session, command)
+    for left, word in ((63, "insert"), (60, "run")):
+        live.undo(session)
+        assert len(snapshot(session.sim, 0).ident) == left
+        assert session.history[-2 if left == 63 else -1].startswith(word)
+    live.restore(session, "begin")
+    for line in lines:
+        prompt.execute(session, line)
+    assert np.array_equal(snapshot(session.sim, 0).position, now.position)
 
 
 def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:

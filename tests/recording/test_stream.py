@@ -45,6 +45,15 @@ def test_a_resting_bed_is_written_once_while_mobile_grains_are_written_every_fra
         assert [len(positions) for _, positions in heaps.read_frames(heap, f"world/{entity}")] == counts
 
 
+def test_resting_grains_that_are_taken_out_leave_the_bed():
+    now, rows = heaps.heap_snapshot(1), np.r_[0:50, 60:200]
+    bed, _ = stream.update_static_grains(stream.StaticGrains.empty(), now, heaps.MOVING)
+    fewer = {name: getattr(now, name)[rows] for name in ("ident", "position", "velocity", "radius")}
+    after, is_new = stream.update_static_grains(bed, replace(now, **fewer), heaps.MOVING)
+    assert is_new
+    assert np.array_equal(after.ident, now.ident[rows])
+
+
 def test_totals_are_read_back_as_curves_and_energies_also_in_decades(heap: Path):
     times, contacts = heaps.read_series(heap, "ledger/contacts")
     np.testing.assert_allclose(times, [heaps.totals(frame).time for frame in range(FRAMES)], atol=1e-9)

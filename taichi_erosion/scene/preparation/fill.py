@@ -11,7 +11,13 @@ import scipy
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.scene.preparation.bed import bed_grains, saved_bed
-from taichi_erosion.scene.preparation.sizes import kind_counts, nominal_diameter, sample_diameters
+from taichi_erosion.scene.preparation.sizes import (
+    kind_counts,
+    nominal_diameter,
+    reach_over_diameter,
+    sample_diameters,
+    size_range,
+)
 from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
@@ -61,6 +67,26 @@ def pour(
         )
         velocity[rows, 2] = -inlet.speed
     return place, velocity, release
+
+
+def inlets_from(scene: Scene, time: float, at: Vector | None, name: str | None, latest: float) -> Pour:
+    """Inlets that open at a time [s]: about a place [m], one grain after the other; one of the scene; or all.
+
+    Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
+    """
+    wide = reach_over_diameter(scene.grains) * size_range(scene.grains)[1]
+    if at is not None:
+        return Pour(law="pour", centre=at, radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
+    parts, g = scene.fill.parts if isinstance(scene.fill, Pour) else {}, scene.gravity.magnitude
+    clear = [clearing_time(each, wide, g, inlet_mesh(scene, path, each)) for path, each in parts.items()]
+    begin = max([time, *(latest + wait for wait in clear)])
+    later = {
+        path.rpartition(".")[2]: each.model_copy(update={"begin": begin}) for path, each in parts.items()
+    }
+    if not later or (name or next(iter(later))) not in later:
+        names = ", ".join(later) or "none, so name a place: insert 1 at 0 0 0.1"
+        raise BadInput(f"no inlet '{name or 'fill'}'; there are {names}")
+    return Pour.model_construct(law="pour", inlets={name: later[name]} if name else later)
 
 
 def pour_layers(

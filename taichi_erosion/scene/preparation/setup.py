@@ -88,6 +88,16 @@ def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainT
     )
 
 
+def joined_grains(before: GrainTable, begun: int, new: GrainTable) -> GrainTable:
+    """A table of whose grains some have begun, and new ones: the others by the time of their release."""
+    times = np.concatenate([np.full(begun, -np.inf), before.release_time[begun:], new.release_time])
+    rows, pairs = (
+        np.argsort(times, kind="stable"),
+        zip(vars(before).values(), vars(new).values(), strict=True),
+    )
+    return GrainTable(*(np.concatenate(pair)[rows] for pair in pairs))
+
+
 def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, density: Floats) -> ClumpTable:
     """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
     count, size = len(start.diameter), len(body.radius)

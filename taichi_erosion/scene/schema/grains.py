@@ -339,7 +339,7 @@ class Inlet(Section):
     radius: float | None = extent(None, "radius of a horizontal disc, whole grains inside")
     size: tuple[float, float] | None = extent(None, "sides of a horizontal rectangle along x and y, likewise")
     end: Vector | None = position(None, "other end of a line, on which grains lie side by side")
-    mesh: Hull | None = Field(None, description="closed mesh, whole grains inside")
+    mesh: Hull | None = Field(default=None, description="closed mesh, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
     rate: float | None = number(
         None, "s-1", "grains per second; left out: as fast as layers clear", 1e-3, 1e9
@@ -388,7 +388,7 @@ class Pour(Inlet):
     later = ("begin", "share", "kind", "inlets")
 
     law: Literal["pour"]
-    inlets: dict[Name, Inlet] = Field({}, description="inlets by names, in place of one")
+    inlets: dict[Name, Inlet] = Field(default={}, description="inlets by names, in place of one")
 
     @property
     def parts(self) -> dict[str, Inlet]:

@@ -17,7 +17,8 @@ from taichi_erosion.core.setup import GrainTable, Setup
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import build_setup, explain, parse_scene, scene_hash
 from taichi_erosion.scene.change import SAMPLE, with_section
-from taichi_erosion.scene.preparation.fill import initial_bodies
+from taichi_erosion.scene.preparation.fill import initial_bodies, inlets_from
+from taichi_erosion.scene.preparation.setup import joined_grains
 from taichi_erosion.simulation.scene_setup import effective_scene
 
 RAIN = {"law": "rain", "pitch_d": 1.15, "jitter_d": 0.05, "radius_d": 8.4}
@@ -224,6 +225,23 @@ def test_several_inlets_share_the_grains_each_in_its_shape_from_its_time_on_at_i
     assert grains.velocity[line] == pytest.approx(np.tile((0.0, 0.0, -0.5), (500, 1)))
     for now in np.unique(time[line])[:8]:
         assert smallest_gap(at_time(grains, now)) >= 0.0
+
+
+def test_grains_that_come_later_pass_the_inlets_then_open_among_those_that_wait():
+    scene = parse_scene(table_of_inlets(SHAPES))
+    before = build_setup(scene, 1).grains
+    now, few = float(before.release_time[700]), scene.grains.model_copy(update={"count": 40})
+    fill = inlets_from(scene, now, None, "line", now)
+    new = build_setup(scene.model_copy(update={"fill": fill, "grains": few}), 2).grains
+    joined = joined_grains(before, 700, new)
+    assert np.array_equal(joined.radius[:700], before.radius[:700])
+    assert np.all(np.diff(joined.release_time[700:]) >= 0.0)
+    late = np.isin(joined.radius, new.radius)
+    assert late.sum() == 40
+    assert set(joined.position[late][:, 2]) == {0.21}
+    assert now < joined.release_time[late].min() < now + 0.02
+    with pytest.raises(BadInput, match="no inlet 'belt'; there are disc, line, rectangle"):
+        inlets_from(scene, now, None, "belt", now)
 
 
 def test_a_kind_passes_the_inlets_that_let_it_pass():
