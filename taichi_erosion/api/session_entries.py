@@ -35,9 +35,7 @@ def differences(session: Session, before: str | None = None, after: str | None =
     old = file if before is None else saved_state(session, before)[0].scene
     new = session.scene if after is None else saved_state(session, after)[0].scene
     first, second = (dict(leaves(resolve(scene))) for scene in (old, new))
-    pairs = {
-        path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
-    }
+    pairs = {path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted(first | second)}
     return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
 

@@ -131,15 +131,13 @@ class LiveSession:
         sessions.set_entry(self.session, path, override(path, value).partition("=")[2])
         return self
 
-    def insert(
-        self, count: int, at: Sequence[float] | None = None, inlet: str | None = None
-    ) -> "LiveSession":
-        """Let grains in from now on: at a place [m], through an inlet or all of them. Raises BadInput."""
-        sessions.insert(self.session, count, None if at is None else (at[0], at[1], at[2]), inlet)
+    def insert(self, count: int, at: Sequence[float] = (), inlet: str | None = None) -> "LiveSession":
+        """Let grains in at a place [m], through an inlet, or all inlets. Raises BadInput."""
+        sessions.insert(self.session, count, (at[0], at[1], at[2]) if len(at) else None, inlet)
         return self
 
     def remove(self, *numbers: int) -> "LiveSession":
-        """Take grains out by their numbers. Raises BadInput for one that is not there."""
+        """Take grains out by their numbers. Raises BadInput."""
         sessions.remove(self.session, *map(int, numbers))
         return self
 

@@ -43,9 +43,7 @@ def fields_now(
     )
     for name in AXES:
         if name not in kernel.at and not kernel.extent.get(name, 0.0) > 0.0:
-            raise BadInput(
-                f"fields: {name} is open; give its coordinates, or the extent over which to average"
-            )
+            raise BadInput(f"fields: {name} is open; give its coordinates or the extent to average over")
     return coarse_grain(state, simulation.contact_network(sim, replica), kernel)
 
 
@@ -54,6 +52,4 @@ def line_along_z(state: Snapshot, width: float, lengths: Mapping[str, float]) ->
     centre = np.average(state.position, axis=0, weights=state.mass)
     z, reach, step = state.position[:, 2], REACH * width, STEP * width
     line = np.arange(np.floor((z.min() - reach) / step), np.ceil((z.max() + reach) / step) + 1.0) * step
-    return {name: centre[place : place + 1] for place, name in enumerate("xy") if name not in lengths} | {
-        "z": line
-    }
+    return {name: centre[k : k + 1] for k, name in enumerate("xy") if name not in lengths} | {"z": line}

@@ -117,9 +117,7 @@ def profile_measure(name: str, state: Snapshot, fields: GrainFields, values: Flo
     low, high = np.percentile(state.position[:, 2], MIDDLE) if len(state.mass) else (0.0, 0.0)
     rows = np.flatnonzero((fields.at["z"] >= low) & (fields.at["z"] <= high))
     if len(rows) < 2 or not np.isfinite(values[rows]).all():
-        return no_measurement(
-            name, "1", "the bed is thinner than its grains, or nothing presses in its middle"
-        )
+        return no_measurement(name, "1", "the bed is thinner than a grain, or nothing presses in its middle")
     details = {"height": fields.at["z"].tolist(), "profile": values.tolist(), "width": fields.width}
     return Measurement(name, float(values[rows].mean()), float(values[rows].std()), "1", details=details)
 

@@ -249,9 +249,7 @@ def repose_angle(
     angles = [float(np.mean([f.angle for f in view.usable_flanks])) for view in views if view.usable_flanks]
     if not angles:
         height = float(np.mean([view.height for view in views])) / grain
-        return no_measurement(
-            name, "deg", f"no heap: {height:.1f} diameters high, no flank of three diameters"
-        )
+        return no_measurement(name, "deg", f"no heap: {height:.1f} diameters high, no flank of three")
     flags = raise_flags(views, grain)
     beyond = np.linalg.norm(position[:, :2], axis=1) > (plate_radius or np.inf) - grain
     if plate_radius and float(beyond.sum()) * grain / (2.0 * pi * plate_radius) > RIM_SHARE:  # of the rim
@@ -300,9 +298,7 @@ def standard_error(values: list[float]) -> float:
 
 def bends_of(views: Sequence[View]) -> list[float]:
     """Mean bend of the flanks of every azimuth that has any [deg]."""
-    return [
-        float(np.mean([flank.bend for flank in view.usable_flanks])) for view in views if view.usable_flanks
-    ]
+    return [float(np.mean([f.bend for f in view.usable_flanks])) for view in views if view.usable_flanks]
 
 
 def raise_flags(views: Sequence[View], grain: float) -> list[str]:

@@ -32,17 +32,13 @@ def mass_flow(
     """Mass a second that passes a plane along its normal [kg s-1]; `sd` is the standard error of the mean."""
     name, unit = "mass_flow", "kg s-1"
     if len(frames) <= LEAST_FRAMES:
-        return no_measurement(
-            name, unit, f"{len(frames)} frames of the stage; more than {LEAST_FRAMES} are needed"
-        )
+        return no_measurement(name, unit, f"{len(frames)} frames of a stage; over {LEAST_FRAMES} are needed")
     pairs = list(pairwise(frames))
     counted = [
         net_crossing(one, two, np.asarray(point), np.asarray(normal), np.asarray(period))
         for one, two in pairs
     ]
-    rate = np.array(
-        [mass / (two.time - one.time) for (mass, _, _), (one, two) in zip(counted, pairs, strict=True)]
-    )
+    rate = np.array([mass / (b.time - a.time) for (mass, _, _), (a, b) in zip(counted, pairs, strict=True)])
     flowing = np.flatnonzero(rate)
     if not flowing.size:
         return no_measurement(name, unit, "no grain crossed the plane")

@@ -56,9 +56,7 @@ def measure_profile(place: Floats, height: Floats, grain: float = 0.0) -> tuple[
     for distance, heights in sides_of(place, height):
         attached = np.cumsum(heights < low) == 0
         if attached.all():
-            raise BadInput(
-                f"ends {heights[-1]:.3g} m above 0; heights count from the plate, down to the foot"
-            )
+            raise BadInput(f"ends {heights[-1]:.3g} m above 0; heights count from the plate down to the foot")
         flank = attached & (heights <= high) & (np.arange(heights.size) >= np.argmax(heights))
         if flank.sum() >= OUTLINE_BINS:
             slope = fit_polynomial(distance[flank], heights[flank], 1).coefficients[1]

@@ -109,9 +109,7 @@ def hop_shortfalls(hops: int) -> Iterator[Shortfall]:
 def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
     """Shortfall of the slope of a surface that is few grains wide."""
     if bins < LEAST_BINS:
-        words = (
-            f"the surface is {bins:.0f} grains wide, {LEAST_BINS} are needed: a larger drum or finer grains"
-        )
+        words = f"the surface is {bins:.0f} grains wide, {LEAST_BINS} are needed: larger drum or finer grains"
         yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
 
 
@@ -131,9 +129,7 @@ def drift_shortfalls(means: Sequence[float]) -> Iterator[Shortfall]:
 def unsteady_shortfalls(lasted: float, length: float, departure: float, most: float) -> Iterator[Shortfall]:
     """Shortfall of transport whose air still gains or loses momentum, or of a stage too short to tell."""
     if lasted < length:
-        words = (
-            f"transport was watched for {lasted:.2g} s, and {length:.2g} s are needed: a longer last stage"
-        )
+        words = f"transport was watched for {lasted:.2g} s, {length:.2g} s are needed: a longer last stage"
         yield Shortfall("unsteady", words, lasted, length, True)
     elif departure > most:
         words = (

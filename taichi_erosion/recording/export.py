@@ -33,9 +33,7 @@ NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 
 def grain_frame(state: Snapshot) -> readback.GrainFrame:
     """Frame of a state that has not been recorded."""
-    columns = {
-        name: getattr(state, name) for name in ("velocity", "spin", "force", "mass", "contacts", "kind")
-    }
+    columns = {n: getattr(state, n) for n in ("velocity", "spin", "force", "mass", "contacts", "kind")}
     columns = {name: values for name, values in columns.items() if values is not None}
     return readback.GrainFrame(
         state.time, state.ident, state.position, state.radius, columns | dict(state.effect_state)
@@ -136,9 +134,7 @@ def export_chains(recording: Path, picture: Path, moment: float | None = None, f
         raise BadInput(f"{recording}: {NO_CONTACTS}")
     time = networks[-1].time if moment is None else moment
     if not networks[0].time <= time <= networks[-1].time * (1.0 + 1e-6):
-        raise BadInput(
-            f"--time {time:g}: the contacts run from {networks[0].time:g} to {networks[-1].time:g} s"
-        )
+        raise BadInput(f"--time {time:g}: contacts run from {networks[0].time:g} to {networks[-1].time:g} s")
     network = networks[bisect_right([one.time for one in networks], time * (1.0 + 1e-9)) - 1]
     frame = next(one for one in frames if one.time == network.time)
     walls = [(track, track.at(frame.time)) for track in readback.read_walls(recording)]
@@ -164,9 +160,7 @@ def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
     """
     refuse_foreign(folder / COLLECTION, recording, force)
     if not force and not (folder / COLLECTION).exists() and any(folder.glob("grains_*.vtu")):
-        raise BadInput(
-            f"{folder}: holds grains_*.vtu of something else; name another folder, or give --force"
-        )
+        raise BadInput(f"{folder}: holds grains_*.vtu of something else; name another folder or give --force")
     frames, walls = readback.read_grains(recording), readback.read_walls(recording)
     if not frames:
         raise BadInput(f"{recording}: holds no frame of grains")

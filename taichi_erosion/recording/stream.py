@@ -151,9 +151,8 @@ def open_recording(path: Path, header: RunHeader) -> Recording:
     layout = blueprints.blueprint(header.kind, focus, header.contacts, header.fields)
     recording = open_stream(path, header.name, layout)
     log_scene(recording, header.name, header.scene_text)
-    for entity, (legend, colour) in (
-        CURVES | (TRANSPORT if header.kind in blueprints.WIND_KINDS else {})
-    ).items():
+    curves = CURVES | (TRANSPORT if header.kind in blueprints.WIND_KINDS else {})
+    for entity, (legend, colour) in curves.items():
         log_legend(recording, entity, legend, colour)
     set_time(recording, 0.0, 0)
     log_space(recording, header.walls, focus)

@@ -77,9 +77,7 @@ def drag_partition(density: float, basal_ratio: float, drag_ratio: float, worst_
     """
     open_share = 1.0 - worst_spot * basal_ratio * density
     if open_share <= 0.0:
-        raise BadInput(
-            f"obstacles with a frontal area of {density:g} over that of the ground cover all of it"
-        )
+        raise BadInput(f"obstacles with a frontal area of {density:g} over that of the ground cover it all")
     return min((open_share * (1.0 + worst_spot * drag_ratio * density)) ** -0.5, 1.0)
 
 

@@ -73,9 +73,7 @@ def meaning_of(path: str) -> str:
 def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
     """Meaning, unit, range, default and choices of an entry, as its schema states them."""
     entry = {key: value for option in entry.get("anyOf", ()) for key, value in option.items()} | dict(entry)
-    bounds = [
-        f"{name} {entry[word]:g}" for name, word in (("from", "minimum"), ("to", "maximum")) if word in entry
-    ]
+    bounds = [f"{a} {entry[b]:g}" for a, b in (("from", "minimum"), ("to", "maximum")) if b in entry]
     if isinstance(entry.get("default"), (str, int, float)):
         bounds.append(f"; default {entry['default']}")
     if "enum" in entry:
@@ -133,9 +131,7 @@ class NumberEntry:
 @cache
 def section_schema(name: str) -> dict[str, Any]:
     """Schema of one section of scenes, quicker than the whole; empty where no scene has it."""
-    kinds: list[Any] = [
-        kind.model_fields[name].annotation for kind in (Scene, AirScene) if name in kind.model_fields
-    ]
+    kinds: list[Any] = [k.model_fields[name].annotation for k in (Scene, AirScene) if name in k.model_fields]
     return TypeAdapter[Any](reduce(or_, kinds)).json_schema() if kinds else {}
 
 

@@ -118,27 +118,21 @@ def without_grains(state: Arrays, replica: int, idents: Sequence[int]) -> Arrays
     """An exported state in which some grains of a replica count as taken out, with their contacts."""
     prefix, after = f"replica{replica}_", {name: values.copy() for name, values in state.items()}
     part = {k.removeprefix(prefix): values for k, values in state.items() if k.startswith(prefix)}
-    stays = ~np.isin(part["ident"], idents)
+    stays, partners = ~np.isin(part["ident"], idents), part["pair_neighbour"].astype(int)
+    part["pair_neighbour"] = (np.cumsum(stays) - 1)[partners]
+    rows = {}  # of the lists, by the beginning of their columns' names
     for table in ("pair_", "wall_"):
-        owner = np.repeat(np.arange(len(stays)), part[f"{table}number"])
-        rows = stays[owner]
-        if table == "pair_":
-            rows &= stays[part["pair_neighbour"].astype(int)]
-            part["pair_neighbour"] = (np.cumsum(stays) - 1)[part["pair_neighbour"].astype(int)]
-        part |= {
-            name: values[rows]
-            for name, values in part.items()
-            if name.startswith(table) and name[5:] != "number"
-        }
-        part[f"{table}number"] = np.bincount(owner[rows], minlength=len(stays))[stays]
-    listed = ("pair_", "wall_", "body_", "bounds")
-    part |= {name: values[stays] for name, values in part.items() if not name.startswith(listed)}
-    partitions = int(state["partitions"][replica])
-    part["bounds"] = np.arange(partitions + 1) * stays.sum() // partitions
-    for name, change in (("released", -1), ("removed", 1)):
-        after[name][replica] += change * (~stays).sum()
-    after["stale"][replica] = 1
-    return after | {prefix + name: values for name, values in part.items()}
+        owner = np.repeat(np.arange(len(stays)), part.pop(f"{table}number"))
+        rows[table] = stays[owner] & (stays[partners] if table == "pair_" else True)
+        after[f"{prefix}{table}number"] = np.bincount(owner[rows[table]], minlength=len(stays))[stays]
+    count, partitions = stays.sum(), int(state["partitions"][replica])
+    after[f"{prefix}bounds"] = np.arange(partitions + 1) * count // partitions
+    for name, values in part.items():
+        if not name.startswith(("bounds", "body_")):
+            after[prefix + name] = values[rows.get(name[:5], stays)]
+    after["released"][replica], after["stale"][replica] = count, 1
+    after["removed"][replica] += len(stays) - count
+    return after
 
 
 def start_from_beds(sim: Simulation) -> None:

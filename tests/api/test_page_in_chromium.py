@@ -17,9 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PATCH = "grains.count=160 wind.length_d=10 wind.width_d=8 wind.height=0.02 run.check_interval=2e-3".split()
 LONG = 400.0  # s of wall time: what takes longer will not come
-BROWSER = next(
-    (p for name in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(name))), ""
-)
+BROWSER = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), "")
 FLAGS = "--headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader"
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not BROWSER, reason="no chromium on the path")]
 
@@ -122,9 +120,7 @@ def test_a_teacher_raises_the_wind_scrubs_back_and_goes_on_from_there(served, tm
         tab.value("name = 'speed_largest_m_s', $('play').click()")
         tab.wait("now.time > 0.004")
         calm = tab.value("now.numbers.speed_largest_m_s")
-        slider = (
-            "rows.find(row => row.path === 'wind.friction_velocity').element.querySelector('[type=range]')"
-        )
+        slider = "rows.find(r => r.path === 'wind.friction_velocity').element.querySelector('[type=range]')"
         tab.value(f"{slider}.value = 500, {slider}.oninput()")
         tab.wait(f"now.numbers.speed_largest_m_s > {max(3.0 * calm, 0.1)}")
         assert re.search(r"set wind\.friction_velocity 1\.25", tab.value("$('log').innerText"))

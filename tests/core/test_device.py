@@ -68,9 +68,8 @@ def written(monkeypatch):
     """Rows that were written, where LLVM does not know the processor and the processor is wide."""
     rows: list[tuple[int, int]] = []
     monkeypatch.setattr(device, "write_row", lambda *pair: rows.append(pair))
-    monkeypatch.setattr(
-        device, "compiler_rows", lambda: (device.UNKNOWN, {device.UNKNOWN: 1, device.WIDE: 2})
-    )
+    table = device.UNKNOWN, {device.UNKNOWN: 1, device.WIDE: 2}
+    monkeypatch.setattr(device, "compiler_rows", lambda: table)
     monkeypatch.setattr(device, "processor", lambda: {"flags": " ".join(device.WIDE_FLAGS)})
     return rows
 

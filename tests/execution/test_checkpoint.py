@@ -36,6 +36,7 @@ OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics
 WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
 META = {"scene_hash": "5eed", "time": 0.125, "seeds": [1, 2, 3], "title": "Böschung"}
 ONE_FILE = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+SLOW = pytest.mark.slow
 CUTS = {"ramp": 0.055, "hold": 0.1, "fall": 0.17}  # s, by the phase in which the first bed is then
 
 
@@ -132,9 +133,7 @@ def searched(windy, folder) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize(
-    "phase", [*(pytest.param(k, marks=pytest.mark.slow) for k in ("ramp", "hold")), "fall"]
-)
+@pytest.mark.parametrize("phase", [*(pytest.param(k, marks=SLOW) for k in ("ramp", "hold")), "fall"])
 def test_a_search_for_thresholds_goes_on_within_a_trial(phase, searched, windy, folder):
     kept = folder / f"{phase}.npz"
     resumed = run_scene(windy, RunOptions(threads=1, no_record=True, resume=kept))

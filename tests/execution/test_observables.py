@@ -16,13 +16,13 @@ SCENE = read_scene(SCENES / "funnel_repose.toml", ())
 def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted():
     heap = cone(30.0, radius=12.0)
     scene = read_scene(
-        SCENES / "funnel_repose.toml", ("geometry.plate.shape=disc", "geometry.plate.radius=0.03")
+        SCENES / "funnel_repose.toml", [f"geometry.plate.{x}" for x in ("shape=disc", "radius=0.03")]
     )
     fallen = heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)
     whole = snapshot_of(np.concatenate([fallen, heap]))
     for name, request in scene.measure.items():
         alone, found = (
-            measure(name, MeasureInput(scene, request, each, (), ())) for each in (snapshot_of(heap), whole)
+            measure(name, MeasureInput(scene, request, s, (), ())) for s in (snapshot_of(heap), whole)
         )
         assert found.value == pytest.approx(alone.value, rel=1e-12)
         assert found.details["fallen_grains"] == 40

@@ -54,9 +54,7 @@ def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_th
 def test_a_scene_without_gravity_runs_and_is_recorded(tmp_path):
     # nothing moves and nothing weighs: every energy is 0
     path = write_scene(tmp_path, gravity={"magnitude": 0.0}, run={"replicas": 1})
-    path.write_text(
-        path.read_text(encoding="utf-8").replace('until = "time"', 'until = "rest"'), encoding="utf-8"
-    )
+    path.write_text(path.read_text("utf-8").replace('until = "time"', 'until = "rest"'), encoding="utf-8")
     document = run_scene(path, RunOptions(threads=1, record=tmp_path / "free.rrd"))
     stop_device()
     assert document["replicas"][0]["stopped"] is None

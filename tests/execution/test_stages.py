@@ -53,9 +53,8 @@ def test_a_flux_out_of_balance_is_not_compared(balance):
     state = bed(np.full(200, balance))
     window = transport_window(SCENE, STAGE, [state])
     frames, airs = tuple(state.frames), tuple(state.airs)
-    given = MeasureInput(
-        SCENE, SCENE.measure["bed_stress"], frames[-1], frames, (), airs[-1], airs, window=window
-    )
+    order = SCENE.measure["bed_stress"]
+    given = MeasureInput(SCENE, order, frames[-1], frames, (), airs[-1], airs, window=window)
     found = pool_beds([measure("bed_stress", given)] * 2)
     wanted = {"value": found.value, "sd": 0.1 * found.value, "n": 1}
     document = {"measures": {"bed_stress": as_record(found)}, "measured": {"bed_stress": wanted}}

@@ -93,16 +93,14 @@ def test_the_divergence_of_stress_is_the_force_that_walls_and_contacts_leave_on_
     h, r = 1e-3, np.array([0.2, -0.1, 0.3])
     divergence = np.zeros(3)
     for k, axis in enumerate("xyz"):
-        at = {name: r[place : place + 1] for place, name in enumerate("xyz")} | {
-            axis: r[k] + np.array([-h, h])
-        }
+        at = {name: r[n : n + 1] for n, name in enumerate("xyz")} | {axis: r[k] + np.array([-h, h])}
         stress = coarse_grain(state, contacts, Kernel(at, WIDTH, {})).contact_stress.reshape(2, 3, 3)
         divergence += (stress[1] - stress[0])[:, k] / (2.0 * h)
     net = np.zeros((12, 3))
     np.add.at(net, contacts.first, contacts.force)
     pairs = contacts.second >= 0
     np.add.at(net, contacts.second[pairs], -contacts.force[pairs])
-    at = {name: r[place : place + 1] for place, name in enumerate("xyz")}
+    at = {name: r[n : n + 1] for n, name in enumerate("xyz")}
     wall = coarse_grain(state, contacts, Kernel(at, WIDTH, {})).wall_force.reshape(3)
     np.testing.assert_allclose(divergence, wall - gaussian(r - state.position) @ net, rtol=1e-5, atol=1e-7)
 

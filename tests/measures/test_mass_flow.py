@@ -15,11 +15,8 @@ MASS, SPEED, EVERY = 2e-6, 0.5, 0.01
 def snapshot(time, position, velocity, ident=None) -> Snapshot:
     count = len(position)
     rows = np.arange(count, dtype=np.int32) if ident is None else np.asarray(ident, np.int32)
-    nothing = np.zeros((count, 3))
-    radius = np.full(count, 1e-3)
-    return Snapshot(
-        time, 0, position, velocity, nothing, radius, np.full(count, MASS), np.zeros_like(rows), rows, 0
-    )
+    spin, radius, mass = np.zeros((count, 3)), np.full(count, 1e-3), np.full(count, MASS)
+    return Snapshot(time, 0, position, velocity, spin, radius, mass, np.zeros_like(rows), rows, 0)
 
 
 def stream(crossings: np.ndarray, times: np.ndarray) -> list[Snapshot]:
@@ -47,6 +44,14 @@ def test_the_rate_of_the_steady_part_is_found_with_its_error(hopper):
     assert sum(found.details["rate"]) * EVERY == pytest.approx(2221 * MASS)  # all mass is counted
     upwards = mass_flow(hopper, PLANE, (0.0, 0.0, 2.0))
     assert upwards.value == pytest.approx(-found.value)
+
+
+@pytest.mark.parametrize(("end", "flags"), [(0.95, []), (0.5, ["drift"]), (4.0, ["drift"])])
+def test_a_flow_that_drifts_says_so_and_a_steady_one_does_not(end, flags):
+    share = np.random.default_rng(1).uniform(size=4000)  # of the mass, at a rate that goes from 1 to `end`
+    times = 4.0 * (np.sqrt(1.0 + (end**2 - 1.0) * share) - 1.0) / (end - 1.0)
+    flow = mass_flow(stream(times, np.arange(0.0, 4.0, 0.02)), PLANE, DOWN)
+    assert [lack.flag for lack in flow.shortfalls] == flags
 
 
 def test_a_plane_that_nothing_crosses_has_no_flow(hopper):

@@ -64,10 +64,8 @@ def grainy(correlation, rng):
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
 def test_the_errors_hold_where_neighbouring_columns_show_the_same_grain(correlation):
     rng = np.random.default_rng(10)
-    distance = np.arange(COLUMNS) + 0.5
-    flanks = [
-        silhouette.fit_flank(distance, 200.0 - 0.4 * distance + grainy(correlation, rng)) for _ in range(300)
-    ]
+    x = np.arange(COLUMNS) + 0.5
+    flanks = [silhouette.fit_flank(x, 200.0 - 0.4 * x + grainy(correlation, rng)) for _ in range(300)]
     for fitted, claimed in (("angle", "error"), ("bend", "bend_error")):
         seen = np.std([getattr(flank, fitted) for flank in flanks])
         stated = np.mean([getattr(flank, claimed) for flank in flanks])

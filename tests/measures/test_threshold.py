@@ -55,9 +55,7 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
 
 
 def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
-    lines = [
-        line_threshold("impact_threshold_linear", Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)
-    ]
+    lines = [line_threshold("impact_threshold_linear", Bracket(u, u + 0.04)) for u in (0.13, 0.14, 0.15)]
     assert lines[0].sd == pytest.approx(0.02)
     pooled = pool_beds(lines)
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below

@@ -83,10 +83,8 @@ def test_a_film_has_one_picture_per_frame_and_the_same_frames_give_the_same_byte
 def test_moving_grains_take_the_colour_of_their_speed():
     still = heap_snapshot()
     flying = replace(still, velocity=np.full_like(still.velocity, 2.0))
-    place = pixel(*pyramid()[100, [0, 2]])
-    sand, blue = (
-        np.asarray(pictures.film_frame(state, WINDOW, (), SPEEDS))[place] for state in (still, flying)
-    )
+    at = pixel(*pyramid()[100, [0, 2]])
+    sand, blue = (np.asarray(pictures.film_frame(state, WINDOW, (), SPEEDS))[at] for state in (still, flying))
     assert sand[0] > sand[2]
     assert blue[2] > blue[0]
     colours = pictures.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)

@@ -22,9 +22,8 @@ def test_effects_read_declared_conditions_in_si_units():
 def test_a_value_may_be_set_beside_the_declaration_and_on_the_command_line():
     declared = {"root_density": {"unit": "g/cm3"}}
     assert "root_density" not in scene_with(declared).conditions.stated_values()
-    assert scene_with(declared, root_density=0.5).conditions.stated_values()["root_density"] == pytest.approx(
-        500.0
-    )
+    values = scene_with(declared, root_density=0.5).conditions.stated_values()
+    assert values["root_density"] == pytest.approx(500.0)
     set_later = scene_with(declared, ["conditions.root_density=0.25"])
     assert set_later.conditions.stated_values()["root_density"] == pytest.approx(250.0)
     long_path = scene_with(declared, ["conditions.extra.root_density.value=0.25"])

@@ -64,9 +64,8 @@ def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> li
     else:
         simulation.advance(sim, [until for _ in replicas])
     assert not any(simulation.failure(sim, r) for r in replicas)
-    found = [
-        (simulation.snapshot(sim, r), simulation.air_profile(sim, r) if blows else None) for r in replicas
-    ]
+    winds = [simulation.air_profile(sim, r) if blows else None for r in replicas]
+    found = [(simulation.snapshot(sim, r), wind) for r, wind in zip(replicas, winds, strict=True)]
     stop_device()
     return found
 

@@ -79,9 +79,7 @@ def test_one_thread_a_grain_removes_the_same_grains():
 def test_a_clump_leaves_with_all_its_spheres(way):
     centre, size = np.array([[0.0, 0.0, 1e-3], [8e-3, 0.0, 2e-3]]), len(ARMS)
     clumps = equal_clumps(centre, Rotation.identity(2))
-    table = replace(
-        grains(np.repeat(centre, size, axis=0) + np.tile(ARMS, (2, 1))), mass=clumps.mass[clumps.body]
-    )
+    table = replace(grains(np.repeat(centre, size, 0) + np.tile(ARMS, (2, 1))), mass=clumps.mass[clumps.body])
     walls = primitive_table(PrimitiveKind.REVOLVED, (8e-3, *DISC[1:]))
     world = setup(table, walls, clumps=clumps, domain=(LOW, HIGH), removes_outside=True)
     sim = simulation.assemble([world], Laws(), Numerics("cpu", 1, "f64", way))

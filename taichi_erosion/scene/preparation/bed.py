@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
 from taichi_erosion.scene.schema.fields import resolve
 from taichi_erosion.scene.schema.grains import Bed
@@ -40,9 +39,3 @@ def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
     names = sorted({*kinds, *(wall["material"] for wall in before["geometry"].values())})
     places = np.array([kinds.index(name) if name in kinds else -1 for name in names])
     return bed | {"kind": places[bed["material"].astype(int)], "position": bed["origin"] + bed["shift"]}
-
-
-def bed_grains(bed: Arrays) -> list[Floats]:
-    """Position, velocity, spin, radius and kind of the grains of a bed in the order of their GrainTable."""
-    names = ("position", "velocity", "spin", "radius", "kind")
-    return [bed[name][np.argsort(bed["ident"])].astype(np.float64) for name in names]

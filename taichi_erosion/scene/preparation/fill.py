@@ -7,17 +7,12 @@ from math import cos, inf, pi, sin, sqrt
 
 import numpy as np
 import scipy
+from numpy.random import Generator
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
-from taichi_erosion.scene.preparation.bed import bed_grains, saved_bed
-from taichi_erosion.scene.preparation.sizes import (
-    kind_counts,
-    nominal_diameter,
-    reach_over_diameter,
-    sample_diameters,
-    size_range,
-)
+from taichi_erosion.scene.preparation import sizes
+from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
@@ -32,13 +27,13 @@ TRIES = 400  # random places tried for a grain before its layer is closed [1]
 Places = Iterator[tuple[Floats, float]]  # of points inside a mesh, with their depth [m]
 
 
-def stream(seed: int, purpose: str) -> np.random.Generator:
+def stream(seed: int, purpose: str) -> Generator:
     """Independent random stream of a seed and a purpose, from a counter-based generator.
 
     Reference: Salmon et al. (2011), SC '11, article 16 (Philox).
     """
     digest = sha256(f"{seed}:{purpose}".encode()).digest()
-    return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
+    return Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
 
 
 def pour(
@@ -74,15 +69,13 @@ def inlets_from(scene: Scene, time: float, at: Vector | None, name: str | None, 
 
     Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
     """
-    wide = reach_over_diameter(scene.grains) * size_range(scene.grains)[1]
+    wide = sizes.reach_over_diameter(scene.grains) * sizes.size_range(scene.grains)[1]
     if at is not None:
         return Pour(law="pour", centre=at, radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
     parts, g = scene.fill.parts if isinstance(scene.fill, Pour) else {}, scene.gravity.magnitude
     clear = [clearing_time(each, wide, g, inlet_mesh(scene, path, each)) for path, each in parts.items()]
     begin = max([time, *(latest + wait for wait in clear)])
-    later = {
-        path.rpartition(".")[2]: each.model_copy(update={"begin": begin}) for path, each in parts.items()
-    }
+    later = {k.rpartition(".")[2]: each.model_copy(update={"begin": begin}) for k, each in parts.items()}
     if not later or (name or next(iter(later))) not in later:
         names = ", ".join(later) or "none, so name a place: insert 1 at 0 0 0.1"
         raise BadInput(f"no inlet '{name or 'fill'}'; there are {names}")
@@ -90,7 +83,7 @@ def inlets_from(scene: Scene, time: float, at: Vector | None, name: str | None, 
 
 
 def pour_layers(
-    inlet: Inlet, radius: Floats, gravity: float, random: np.random.Generator, mesh: Floats
+    inlet: Inlet, radius: Floats, gravity: float, random: Generator, mesh: Floats
 ) -> tuple[Floats, Floats]:
     """Random places [n, 3] m and release times [n] s of grains of bounding radii [m] at one inlet.
 
@@ -106,9 +99,7 @@ def pour_layers(
     while first < len(radius):
         layer = random_layer(inlet, radius[first : first + most], random, mesh_cubes(mesh), inside)
         if not len(layer):
-            raise BadInput(
-                f"fill: a grain with a reach of {radius[first]:g} m finds no place inside the mesh"
-            )
+            raise BadInput(f"fill: a grain with a reach of {radius[first]:g} m finds no place in the mesh")
         last = first + len(layer)
         place[first:last], release[first:last] = layer, time
         time += max(clear, len(layer) / inlet.rate if inlet.rate else 0.0)
@@ -127,9 +118,7 @@ def clearing_time(inlet: Inlet, largest: float, gravity: float, mesh: Floats) ->
     return 2.0 * distance / (inlet.speed + sqrt(inlet.speed * inlet.speed + 2.0 * gravity * distance) or inf)
 
 
-def random_layer(
-    inlet: Inlet, radius: Floats, random: np.random.Generator, cubes: float, inside: Places
-) -> Floats:
+def random_layer(inlet: Inlet, radius: Floats, draw: Generator, cubes: float, inside: Places) -> Floats:
     """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
     square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
     covered, whole = (radius**3, cubes / 8.0) if inlet.mesh else (radius**2, square)
@@ -137,7 +126,7 @@ def random_layer(
     count = max(1, min(int(allowed), len(radius)))
     points = np.zeros((count, 3))
     for k in range(count):
-        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], random, inside)
+        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], draw, inside)
         if place is None:
             return points[:k]
         points[k] = place
@@ -149,7 +138,7 @@ def mesh_cubes(mesh: Floats) -> float:
     return float(abs(np.linalg.det(mesh).sum()) / pi)
 
 
-def places_inside(mesh: Floats, random: np.random.Generator) -> Places:
+def places_inside(mesh: Floats, random: Generator) -> Places:
     """Random points inside a closed mesh, each with its depth [m], without end."""
     low, high = bounds_of(mesh)
     while True:
@@ -159,7 +148,7 @@ def places_inside(mesh: Floats, random: np.random.Generator) -> Places:
 
 
 def free_place(
-    inlet: Inlet, radius: float, others: Floats, distance: Floats, random: np.random.Generator, inside: Places
+    inlet: Inlet, radius: float, others: Floats, distance: Floats, random: Generator, inside: Places
 ) -> Floats | None:
     """A place in the shape for a grain, farther than `distance` from the others, or None."""
     for _ in range(TRIES):
@@ -195,7 +184,7 @@ class InitialBodies:
 
 def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
-    fill, gravity, nominal = scene.fill, scene.gravity.magnitude, nominal_diameter(scene.grains)
+    fill, gravity, nominal = scene.fill, scene.gravity.magnitude, sizes.nominal_diameter(scene.grains)
     if isinstance(fill, Positions):
         return InitialBodies(
             position=np.array([grain.position for grain in fill.grains]),
@@ -211,7 +200,9 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
             release_time=np.zeros(len(fill.grains)),
         )
     if isinstance(fill, Bed):
-        place, velocity, spin, radius, kind = bed_grains(saved_bed(scene, fill, seed))
+        bed, names = saved_bed(scene, fill, seed), ("position", "velocity", "spin", "radius", "kind")
+        columns = (bed[name][np.argsort(bed["ident"])].astype(np.float64) for name in names)
+        place, velocity, spin, radius, kind = columns
         return InitialBodies(place, velocity, spin, kind.astype(np.int32), 2.0 * radius, 0.0 * radius)
     count, random = scene.grains.count, stream(seed, "places")
     kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
@@ -231,16 +222,14 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
 def listed_diameters(scene: Scene, fill: Positions) -> Floats:
     """Diameters of explicitly placed grains [n] m."""
     parts = scene.grains.parts
-    nominal = {name: nominal_diameter(part.size) for name, part in parts.items()}
+    nominal = {name: sizes.nominal_diameter(part.size) for name, part in parts.items()}
     return np.array([g.diameter or nominal[g.kind or scene.grains.material or ""] for g in fill.grains])
 
 
-def sample_kinds(
-    scene: Scene, sizes: np.random.Generator, order: np.random.Generator
-) -> tuple[Integers, Floats]:
+def sample_kinds(scene: Scene, draw: Generator, order: Generator) -> tuple[Integers, Floats]:
     """Kinds and diameters [m] of all grains; several kinds in random order."""
-    parts, counts = scene.grains.parts, kind_counts(scene)
-    diameter = np.concatenate([sample_diameters(parts[name].size, n, sizes) for name, n in counts.items()])
+    parts, counts = scene.grains.parts, sizes.kind_counts(scene)
+    diameter = np.concatenate([sizes.sample_diameters(parts[k].size, n, draw) for k, n in counts.items()])
     kind = np.repeat(np.arange(len(parts), dtype=np.int32), list(counts.values()))
     if len(parts) == 1:
         return kind, diameter
@@ -248,9 +237,7 @@ def sample_kinds(
     return kind[places], diameter[places]
 
 
-def net_places(
-    scene: Scene, fill: Rain | Lattice | Layers, radius: Floats, random: np.random.Generator
-) -> Floats:
+def net_places(scene: Scene, fill: Rain | Lattice | Layers, radius: Floats, random: Generator) -> Floats:
     """Jittered places of a net for bodies of bounding radii [m], [count, 3] m."""
     if isinstance(fill, Rain):
         return first_free(scene, fill, radius, random)
@@ -260,7 +247,7 @@ def net_places(
     return patch_layers(scene.patch_size, fill, scene.grains.count, random)
 
 
-def patch_layers(size: tuple[float, float], fill: Layers, count: int, random: np.random.Generator) -> Floats:
+def patch_layers(size: tuple[float, float], fill: Layers, count: int, random: Generator) -> Floats:
     """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
     along, across = places_per_layer(size, fill)
     x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
@@ -280,7 +267,7 @@ def places_per_layer(size: tuple[float, float], fill: Layers) -> tuple[int, int]
     return int(size[0] / fill.pitch), int(size[1] / fill.pitch)
 
 
-def first_free(scene: Scene, fill: Rain, radius: Floats, random: np.random.Generator) -> Floats:
+def first_free(scene: Scene, fill: Rain, radius: Floats, random: Generator) -> Floats:
     """Places of bodies, each at the first point of the layers that is clear of walls and of earlier bodies.
 
     Where the net is wider than all these are its points in turn. Raises BadInput where one finds none.
@@ -306,7 +293,7 @@ def first_free(scene: Scene, fill: Rain, radius: Floats, random: np.random.Gener
     return place
 
 
-def net_layer(fill: Rain, number: int, random: np.random.Generator) -> Floats:
+def net_layer(fill: Rain, number: int, random: Generator) -> Floats:
     """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 3] m."""
     angle, shift = random.uniform(0.0, 0.5 * pi), random.uniform(0.0, fill.pitch, 2)
     reach = int(fill.radius / fill.pitch * sqrt(2.0)) + 2
@@ -319,7 +306,7 @@ def net_layer(fill: Rain, number: int, random: np.random.Generator) -> Floats:
     return np.column_stack([points, lift]) + np.array(fill.axis_point)
 
 
-def lattice(fill: Lattice, count: int, random: np.random.Generator) -> Floats:
+def lattice(fill: Lattice, count: int, random: Generator) -> Floats:
     """The lowest `count` jittered points of a cubic net inside a cylinder, [count, 3] m."""
     points = lattice_points(fill)
     points = points[np.argsort(points[:, 2], kind="stable")][:count]
@@ -333,9 +320,7 @@ def lattice_points(fill: Lattice) -> Floats:
     radius, half = fill.radius - margin, 0.5 * fill.length - margin
     steps = int((fill.radius + fill.length) / fill.pitch) + 1
     line = np.arange(-steps, steps + 1) * fill.pitch
-    points = np.stack(
-        np.meshgrid(*[line[np.abs(line) <= bound] for bound in box_of(fill)], indexing="ij"), axis=-1
-    )
+    points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in box_of(fill)], indexing="ij"), axis=-1)
     points = points.reshape(-1, 3)
     along = points @ axis
     across = np.linalg.norm(points - along[:, None] * axis, axis=1)

@@ -238,9 +238,7 @@ def limits(scene: Scene) -> dict[str, float | None]:
     times: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
     times["rayleigh_time"] = grain_rayleigh_time(scene)
     if speed > 0.0:
-        impacts = (
-            impact_duration(0.5 * mass, 0.5 * radius, young, speed) for _, radius, mass, young in least
-        )
+        impacts = (impact_duration(0.5 * mass, 0.5 * r, young, speed) for _, r, mass, young in least)
         times["hertz"] = HERTZ_SHARE * min(impacts)
         times["jkr_neck"] = neck_limit(scene, speed)
         times["speed"] = SPEED_SHARE * min(radius for _, radius, _, _ in least) / speed

@@ -170,18 +170,17 @@ def closed_mesh(scene: Scene, path: str, mesh: Hull) -> Floats:
     import trimesh
 
     triangles = mesh_triangles(scene, path, mesh)
-    entry, sides = f"{path}.file = '{mesh.file}'", np.ptp(bounds_of(triangles), axis=0)
+    sides = np.ptp(bounds_of(triangles), axis=0)
     solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles / sides.max()))
     is_closed = solid.is_watertight and solid.is_winding_consistent
     if not is_closed or abs(solid.volume) < FLAT * np.prod(sides / sides.max()):
-        raise BadInput(f"{entry} has no inside: it is open, flat, or its triangles face both ways")
+        words = "has no inside: it is open, flat, or its triangles face both ways"
+        raise BadInput(f"{path}.file = '{mesh.file}' {words}")
     return triangles
 
 
 def depths(triangles: Floats, points: Floats) -> Floats:
-    """Depth of points [n, 3] m inside a closed mesh [n] m, 0 outside.
-
-    Inside the triangles fill the whole sphere of directions, outside their solid angles add up to nothing:
+    """Depth of points [n, 3] m inside a closed mesh [n] m, 0 outside, where solid angles W add up to nothing.
 
         tan(W / 2) = a . (b x c) / (|a| |b| |c| + (a . b) |c| + (b . c) |a| + (c . a) |b|)
 
@@ -190,12 +189,10 @@ def depths(triangles: Floats, points: Floats) -> Floats:
     """
     import trimesh
 
-    arms = triangles - points[:, None, None]
-    corners = [arms[:, :, k] for k in range(3)]
-    far = [np.linalg.norm(corner, axis=-1) for corner in corners]
-    sides = [(corners[k] * corners[k - 2]).sum(axis=-1) * far[k - 1] for k in range(3)]
-    across = (corners[0] * np.cross(corners[1], corners[2])).sum(axis=-1)
-    angle = 2.0 * np.arctan2(across, far[0] * far[1] * far[2] + sides[0] + sides[1] + sides[2]).sum(axis=1)
+    a, b, c = np.moveaxis(triangles - points[:, None, None], 2, 0)
+    (p, q, r), dot = (np.linalg.norm(arm, axis=-1) for arm in (a, b, c)), "nti, nti -> nt"
+    below = p * q * r + np.einsum(dot, a, b) * r + np.einsum(dot, b, c) * p + np.einsum(dot, c, a) * q
+    angle = 2.0 * np.arctan2(np.einsum(dot, a, np.cross(b, c)), below).sum(axis=1)
     depth, inside = np.zeros(len(points)), np.abs(angle) > 2.0 * np.pi
     seen = np.repeat(points[inside], len(triangles), axis=0)
     nearest = trimesh.triangles.closest_point(np.tile(triangles, (inside.sum(), 1, 1)), seen)

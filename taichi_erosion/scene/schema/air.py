@@ -46,12 +46,8 @@ class AirRun(AirSection):
 
     seed: int = fields.number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
     duration: float = fields.number(..., "s", "simulated time", 1e-9, LONGEST)
-    averaging: float = fields.number(
-        0.2, "1", "last share of the run over which measures take means", 0.0, 1.0
-    )
-    courant: float = fields.number(
-        1.0, "1", "fastest wind times time step over length of a cell", 1e-3, COURANT_MOST
-    )
+    averaging: float = fields.number(0.2, "1", "last share of a run over which measures take means", 0.0, 1.0)
+    courant: float = fields.number(1.0, "1", "fastest wind times time step over a cell", 1e-3, COURANT_MOST)
     time_step: float | None = fields.number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
     frames: int = fields.number(40, "1", "frames of the recording", 1, 10_000)
 
@@ -60,9 +56,7 @@ class Side(AirSection):
     """One side of the box."""
 
     kind: SideKind = Field(description="what the side does to the air")
-    velocity: Vector = fields.number(
-        (0.0, 0.0, 0.0), "m s-1", "velocity of a wall", -fields.FASTEST, fields.FASTEST
-    )
+    velocity: Vector = fields.number((0.0, 0.0, 0.0), "m s-1", "of a wall", -fields.FASTEST, fields.FASTEST)
     roughness_length: float = fields.extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
 
@@ -85,9 +79,7 @@ class PowerProfile(AirSection):
     """Speed that grows with a power of height up to the edge of a layer."""
 
     law: Literal["power"]
-    speed: float = fields.number(
-        ..., "m s-1", "wind speed at the edge of the layer and above", 0.0, fields.FASTEST
-    )
+    speed: float = fields.number(..., "m s-1", "wind speed above the layer", 0.0, fields.FASTEST)
     thickness: float = fields.extent(..., "thickness of the layer", high=fields.FARTHEST)
     exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
@@ -97,9 +89,7 @@ class TableProfile(AirSection):
 
     law: Literal["table"]
     heights: tuple[float, ...] = fields.number(..., "m", "heights, rising", 0.0, 1e4)
-    speeds: tuple[float, ...] = fields.number(
-        ..., "m s-1", "wind speeds at these heights", 0.0, fields.FASTEST
-    )
+    speeds: tuple[float, ...] = fields.number(..., "m s-1", "wind speed at each height", 0.0, fields.FASTEST)
 
     @model_validator(mode="after")
     def _pairs_rise(self) -> "TableProfile":
@@ -126,9 +116,7 @@ class AirBox(AirSection):
 
     extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
     cells: Counts = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
-    lowest: float | None = fields.number(
-        None, "m", "thickness of the lowest cells; left out: equal", 1e-7, 1e4
-    )
+    lowest: float | None = fields.number(None, "m", "height of the lowest cells; left out: equal", 1e-7, 1e4)
     both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
     density: float = fields.number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = fields.number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
@@ -160,9 +148,7 @@ class AirBox(AirSection):
 class AirMeasure(AirSection):
     """Where one observable of the air is read."""
 
-    place: float | None = fields.extent(
-        None, "position along x; left out: the mean along x", 0.0, fields.FARTHEST
-    )
+    place: float | None = fields.extent(None, "position along x; left out: a mean", 0.0, fields.FARTHEST)
 
 
 class AirScene(SceneFile):

@@ -26,9 +26,7 @@ class ExtraCondition(Section):
     """A condition that a user declares; effects read it in SI units."""
 
     unit: str = Field(max_length=60, description="unit of its value, and of a study's column that sets it")
-    value: float | None = number(
-        None, "unit", "value; left out: not known, or a column sets it", -LARGEST, LARGEST
-    )
+    value: float | None = number(None, "unit", "value; left out: unknown or of a column", -LARGEST, LARGEST)
     meaning: str = Field("", max_length=200, description="one line for people")
 
     @field_validator("unit")

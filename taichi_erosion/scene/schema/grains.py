@@ -44,11 +44,9 @@ class Lognormal(Section):
 
     law: Literal["lognormal"]
     median: float = number(
-        ..., "m", "median diameter by number, before truncation", SMALLEST_GRAIN, LARGEST_GRAIN
+        ..., "m", "median diameter by number, not truncated", SMALLEST_GRAIN, LARGEST_GRAIN
     )
-    sigma_log: float = number(
-        ..., "1", "standard deviation of the natural logarithm of the diameter", 0.0, 2.0
-    )
+    sigma_log: float = number(..., "1", "standard deviation of the logarithm of the diameter", 0.0, 2.0)
     low: float = number(..., "m", "smallest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
     high: float = number(..., "m", "largest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
 
@@ -102,9 +100,7 @@ class ClumpSphere(Section):
 class Clump(Section):
     """Rigid grain made of several spheres: a shipped template or a list."""
 
-    template: Literal["pair", "tripod", "tetrahedron"] | None = Field(
-        None, description="name of a shipped template"
-    )
+    template: Literal["pair", "tripod", "tetrahedron"] | None = Field(None, description="a shipped template")
     spheres: tuple[ClumpSphere, ...] = Field((), max_length=64, description="spheres of an own template")
 
     @model_validator(mode="after")
@@ -118,7 +114,7 @@ class Kind(Section):
     """Grains of one material among others."""
 
     share: float = number(..., "1", "share of the mass; shares are scaled to 1", 1e-9, MOST_MASS)
-    size: Size = Field(description="distribution of nominal diameters")
+    size: Size = Field(description="law of nominal diameters")
 
 
 class CoarseGraining(Section):
@@ -151,9 +147,7 @@ class Grains(Section):
     kinds: dict[Name, Kind] = Field(
         {}, description="kinds of grains by their names under [materials], in place of size and material"
     )
-    size: Size | None = Field(
-        default=None, validate_default=True, description="distribution of nominal diameters"
-    )
+    size: Size | None = Field(default=None, validate_default=True, description="law of nominal diameters")
     material: Name | None = Field(
         default=None, validate_default=True, description="name of a table under [materials]"
     )
@@ -201,9 +195,7 @@ class Softening(Section):
     (E*_simulated / E*_true)^(2/5).
     """
 
-    rule: Literal["bond_number", "sticking_velocity"] = Field(
-        description="what is kept while stiffness is reduced"
-    )
+    rule: Literal["bond_number", "sticking_velocity"] = Field(description="what reduced stiffness keeps")
     true_modulus: float = number(
         ..., "Pa", "real modulus, of the kind (shear or Young) that the material states", 1e3, 1e14
     )
@@ -230,9 +222,7 @@ class Contact(Section):
 
     restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
     friction_sliding: float = number(..., "1", "coefficient of sliding friction", 0.0, 5.0)
-    friction_rolling: float = number(
-        0.0, "1", "limiting rolling torque over radius and normal force", 0.0, 5.0
-    )
+    friction_rolling: float = number(0.0, "1", "limiting torque over radius and normal force", 0.0, 5.0)
     rolling_radius: Literal["effective", "grain"] = Field(
         default="effective",
         description=(
@@ -240,9 +230,7 @@ class Contact(Section):
             "2 R*, which is that of both grains only where they are equal"
         ),
     )
-    rolling_damping: float = number(
-        0.3, "1", "rolling damping over its critical value (Ai et al. 2011)", 0.0, 1.0
-    )
+    rolling_damping: float = number(0.3, "1", "damping over its critical value (Ai et al. 2011)", 0.0, 1.0)
     surface_energy: float = number(
         0.0,
         "J m-2",
@@ -289,9 +277,7 @@ class GrainStart(Section):
     position: Vector = position(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
-    diameter: float | None = number(
-        None, "m", "diameter; left out: nominal diameter", SMALLEST_GRAIN, LARGEST_GRAIN
-    )
+    diameter: float | None = number(None, "m", "diameter; left out: nominal", SMALLEST_GRAIN, LARGEST_GRAIN)
     kind: Name | None = Field(default=None, description="its name under [grains.kinds]")
 
 
@@ -306,9 +292,7 @@ class JitteredNet(Section):
     """Random parts of a net of places."""
 
     jitter: float = extent(0.0, "largest shift of a grain along each coordinate", low=0.0)
-    speed_sd: float = number(
-        0.5, "1", "standard deviation of each velocity component over sqrt(g d)", 0.0, 100.0
-    )
+    speed_sd: float = number(0.5, "1", "sd of each velocity component over sqrt(g d)", 0.0, 100.0)
 
 
 class Rain(JitteredNet):
@@ -341,9 +325,7 @@ class Inlet(Section):
     end: Vector | None = position(None, "other end of a line, on which grains lie side by side")
     mesh: Hull | None = Field(default=None, description="closed mesh, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
-    rate: float | None = number(
-        None, "s-1", "grains per second; left out: as fast as layers clear", 1e-3, 1e9
-    )
+    rate: float | None = number(None, "s-1", "grains a second; left out: as fast as layers clear", 1e-3, 1e9)
     mass_rate: float | None = number(None, "kg s-1", "mass per second, in place of rate", 1e-12, 1e6)
     coverage: float = number(0.25, "1", "share of area, length or volume that a layer covers", 1e-3, 0.45)
     begin: float = number(0.0, "s", "time at which it opens", 0.0, 1e5)

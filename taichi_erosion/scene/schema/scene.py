@@ -67,16 +67,12 @@ class Run(Section):
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
     seed: int = number(1, "1", "seed of the first replica; the next take the next integers", 0, 2**62)
-    precision: setup.Precision = Field(
-        default="f32", description="floating-point type of forces and velocities"
-    )
+    precision: setup.Precision = Field(default="f32", description="floating-point type of forces, velocities")
     time_step: float | None = number(None, "s", "time step; left out: time_step_fraction", SHORTEST, 1.0)
     time_step_fraction: float = number(0.2, "1", "time step over the Rayleigh time", 1e-4, 10.0)
     force_time_step: bool = Field(default=False, description="accept more than 0.3 Rayleigh times")
     check_interval: float = number(1e-3, "s", "simulated time between guards and rest checks", 1e-9, 10.0)
-    skin: float = number(
-        setup.Setup.skin, "1", "least margin of the neighbour list over the grain radius", 1e-3, 1.0
-    )
+    skin: float = number(setup.Setup.skin, "1", "least margin of neighbour lists over the radius", 1e-3, 1.0)
     overlap_limit: float = number(
         setup.Setup.overlap_limit, "1", "overlap over the smaller radius that stops the run", 1e-4, 1.0
     )
@@ -159,13 +155,9 @@ class Stage(Section):
     )
     duration_min: float = number(0.0, "s", "shortest duration", 0.0, LONGEST)
     duration_max: float = number(..., "s", "time limit, or the duration itself", SHORTEST, LONGEST)
-    rest_energy: float = number(
-        1e-5, "1", "translational kinetic energy per grain over m g d at rest", 0.0, 1.0
-    )
+    rest_energy: float = number(1e-5, "1", "translational energy per grain over m g d at rest", 0.0, 1.0)
     rest_contact_share: float = number(0.9, "1", "least share of grains with a contact at rest", 0.0, 1.0)
-    remove: tuple[Name, ...] = Field(
-        (), description="names under [geometry] that vanish when the stage begins"
-    )
+    remove: tuple[Name, ...] = Field((), description="names under [geometry] that vanish as the stage begins")
     move: dict[Name, Movement] = Field(
         {}, description="motion of surfaces, by name under [geometry], until the next order"
     )
