@@ -5,7 +5,7 @@ heap     its heap from the side, for docs/photograph.md
 page     a film of a live session in the browser, for docs/live_and_python.md; needs Chromium
 study    the results of doe/funnel_soil.toml in the viewer
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
-benches  a hopper that empties, soil under a press and between plates, for docs/scene_files.md
+benches  a hopper, a press, a shear box and a heap between walls, for docs/scene_files.md
 """
 
 import io
@@ -15,12 +15,23 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 import taichi_erosion as te
 from taichi_erosion.cli.main import main as command
-from taichi_erosion.recording.pictures import SideView, render_side, resting_colours, write_png
+from taichi_erosion.execution.recorder import resting_speed
+from taichi_erosion.execution.session import Session, walls_now
+from taichi_erosion.recording.pictures import (
+    SideView,
+    grain_colours,
+    render_side,
+    resting_colours,
+    scale_length,
+    write_png,
+)
 from taichi_erosion.recording.readback import read_grains
+from taichi_erosion.recording.stream import FASTEST_COLOUR
+from taichi_erosion.simulation import snapshot
 
 DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
@@ -32,7 +43,9 @@ MARGIN = 0.004  # m beside the heap
 PAPER = 240  # grey level of the background
 DARK = 0.55  # brightness of soil over that of dry sand [1]
 HEAP_SIZE = (900, 360)  # px
-BENCHES = {"hopper": 0.6, "uniaxial_press": 1.0, "plane_shear": 1.0}  # share of the run that is shown
+BENCHES = {"hopper": (1, 0.2), "uniaxial_press": (4, 0.1), "shear_box": (3, 0.32), "hele_shaw": (0, 2.0)}
+BENCH_SIZE, BENCH_ROOM = (480, 400), 0.004  # px; m around the grains
+LIGHT = 1.25  # brightness of grains over that on a dark background [1]
 PAGE_SIZE, PAGE_PICTURES = (1120, 760), 30  # px
 PAGE_CHANGES = ("stages.0.duration_max=0.02", "run.check_interval=1e-3")
 ROW = "rows.find(row => row.path === '{}').element.querySelector('[type=range]')"
@@ -105,19 +118,38 @@ def draw_page() -> None:
 
 
 def draw_benches() -> None:
-    """One moment of the film of each bench, side by side."""
+    """Each bench after a time in one of its stages, side by side, on a light background."""
     parts = []
-    with tempfile.TemporaryDirectory() as folder:
-        for bench, share in BENCHES.items():
-            record = Path(folder) / f"{bench}.rrd"
-            command(["run", f"scenes/{bench}.toml", "--replicas", "1", "--record", str(record)])
-            with Image.open(record.with_suffix(".gif")) as film:
-                film.seek(int(share * (getattr(film, "n_frames", 1) - 1)))
-                parts.append(film.convert("RGB"))
-    whole = Image.new("RGB", (sum(part.width for part in parts), max(part.height for part in parts)), "white")
+    for bench, (number, seconds) in BENCHES.items():
+        live = te.live(DOCS.parent / f"scenes/{bench}.toml")
+        for stage in live.session.scene.stages[:number]:
+            live.run_until_rest() if stage.until == "rest" else live.run(stage.duration_max)
+            live.next_stage()
+        live.run(seconds)
+        parts.append(bench_picture(live.session))
+    whole = Image.new("RGB", (sum(part.width for part in parts), parts[0].height))
     for place, part in enumerate(parts):
-        whole.paste(part, (sum(each.width for each in parts[:place]), whole.height - part.height))
-    whole.quantize(64).save(PICTURES / "benches.png", optimize=True)
+        whole.paste(part, (place * part.width, 0))
+    whole.quantize(200, dither=Image.Dither.NONE).save(PICTURES / "benches.png", optimize=True)
+
+
+def bench_picture(session: Session) -> Image.Image:
+    """Grains and walls of a session seen from the side, with their scale, without lettering of a film."""
+    now = snapshot(session.sim, 0)
+    low, high = now.position.min(axis=0) - BENCH_ROOM, now.position.max(axis=0) + BENCH_ROOM
+    view = SideView((low[0], low[2]), (high[0], high[2]), BENCH_SIZE)
+    speeds = resting_speed(session.sim.setups[0]), FASTEST_COLOUR
+    colours = np.minimum(LIGHT * grain_colours(now, *speeds), 255).astype(np.uint8)
+    drawn = np.array(render_side(now.position, now.radius, view, colours, walls_now(session)))
+    empty = np.asarray(render_side(now.position[:0], now.radius[:0], view))
+    drawn[(drawn == empty).all(axis=-1)] = PAPER
+    picture = Image.fromarray(drawn)
+    length = scale_length(1e3 * 0.25 * BENCH_SIZE[0] / view.scale)
+    right, row = BENCH_SIZE[0] - 12, 16
+    draw, left = ImageDraw.Draw(picture), right - 1e-3 * length * view.scale
+    draw.line((left, row, right, row), "black", 2)
+    draw.text((0.5 * (left + right), row + 5), f"{length:g} mm", "black", ImageFont.load_default(14), "mt")
+    return picture
 
 
 DRAWN = {
