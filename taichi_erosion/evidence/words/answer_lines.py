@@ -88,7 +88,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     size += f"; {say.chance(record.p_misfit)}"
     size += "" if isnan(p) else f"; against repeats alone {say.chance(p)}"
     if part_words.agrees(record):
-        return f"The calibrated model agrees with {rows} ({size}).", HARDER
+        return f"The calibrated model {part_words.agreement(record)} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     if not (record.p_misfit < ADEQUATE or part_words.failing(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"

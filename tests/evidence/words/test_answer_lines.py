@@ -224,6 +224,13 @@ def test_a_misfit_that_only_repeats_show_is_told_as_theirs():
     assert "agrees" not in first + discover_answer(record, VOC).lines[0]
 
 
+def test_agreement_names_a_scatter_that_is_larger_than_stated() -> None:
+    wide = replace(null, errors=(ErrorPart(2.9, 2.2, 3.9, "scatter", "repose_angle", ""),))
+    for answer in (compare_answer, discover_answer):
+        assert "if the angle of repose scatters 2.9 times as much" in answer(wide, VOC).lines[0]
+        assert " if " not in answer(null, VOC).lines[0]
+
+
 @pytest.mark.parametrize(
     ("kind", "sd", "repeats", "factor", "words"),
     [
