@@ -385,12 +385,10 @@ def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
     return itself, numbered if not itself or itself[0] in numbered else []
 
 
-def tells_apart(cells: Cells, place: int, same: Sequence[int]) -> bool:
-    """Whether words of a column, each in several rows, differ in rows that are alike in some others."""
-    kinds = [(tuple(row[k] for k in same), row[place]) for _, row in cells.lines]
-    words = {word for _, word in kinds}
-    several = "" not in words and 1 < len(words) <= len(kinds) / 2
-    return several and len(set(kinds)) > len({at for at, _ in kinds})
+def words_recur(cells: Cells, place: int) -> bool:
+    """Whether a column has several words, each in two rows or more on average."""
+    words = {row[place] for _, row in cells.lines}
+    return "" not in words and 1 < len(words) <= len(cells.lines) / 2
 
 
 def summing_word(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:

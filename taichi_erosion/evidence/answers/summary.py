@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_position, axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residual
+from taichi_erosion.evidence.race.adequacy import chi2, is_adequate, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.dose_laws import Law
@@ -44,7 +44,6 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     decision_used, race = decision or decide(posterior), posterior.race
     after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
-    before, now = (float(fit.evidence.solved.rows.weight @ residual(fit) ** 2) for fit in (bare, after))
     return Record(
         **vars(decision_used.part),
         effects={name: effect_part(posterior, decision_used, name) for name in model.candidates},
@@ -55,8 +54,8 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         scatter=tuple(scatter_parts(race)),
         repeats=tuple(repeat_parts(race, after)),
         n=race.prepared.rows.size,
-        chi2_before=before,
-        chi2_after=now,
+        chi2_before=chi2(bare),
+        chi2_after=chi2(after),
         p_misfit=misfit_p(bare, levels=False),
         p_misfit_after=misfit_p(after, levels=True),
         p_lack_of_fit=lack_of_fit_p(race, bare),

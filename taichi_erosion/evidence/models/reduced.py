@@ -72,10 +72,7 @@ def dry_cohesion(psi: float, at: Conditions) -> Shift:
 
 
 def liquid_bridge(psi: float, at: Conditions) -> Shift:
-    """u*tw / u*td = sqrt(1 + 1.21 w^0.68), w in percent.
-
-    Reference: Fecan et al. (1999), Ann. Geophys. 17, 149.
-    """
+    """u*tw = u*td sqrt(1 + 1.21 w^0.68), w [%]; Reference: Fecan et al. (1999), Ann. Geophys. 17, 149."""
     percent = 100.0 * np.maximum(at["moisture"], 0.0)
     bridges = 1.0 - np.exp(-percent / 0.8)
     return Shift(
@@ -101,10 +98,7 @@ def rolling_resistance(psi: float, at: Conditions) -> Shift:
 
 
 def sheltering(psi: float, at: Conditions) -> Shift:
-    """Coarse grains hide fine ones: u*t up as (d90/d50)^0.4.
-
-    Reference: Egiazaroff (1965), exponent rounded.
-    """
+    """Coarse grains hide fine ones: u*t up as (d90/d50)^0.4; Reference: Egiazaroff (1965), rounded."""
     return Shift(threshold=0.4 * psi * np.log(at["spread"]), repose=psi * 1.5 * np.log(at["spread"]))
 
 
@@ -115,10 +109,7 @@ def bed_slope(psi: float, at: Conditions) -> Shift:
 
 
 def drag_partition(psi: float, at: Conditions) -> Shift:
-    """sqrt((1 - m s L)(1 + m b L)), m = 0.5, b = 100.
-
-    Reference: Raupach et al. (1993), J. Geophys. Res. 98, 3023.
-    """
+    """sqrt((1 - m s L)(1 + m b L)), m = 0.5, b = 100; Reference: Raupach et al. (1993), JGR 98, 3023."""
     density = np.minimum(at["roughness"], 0.5)
     return Shift(threshold=0.5 * np.log((1.0 - 0.5 * density) * (1.0 + 50.0 * psi * density)))
 
@@ -138,18 +129,12 @@ def air_density(psi: float, at: Conditions) -> Shift:
 
 
 def mid_air_collisions(psi: float, at: Conditions) -> Shift:
-    """Collisions in a dense cloud raise the flux with u*.
-
-    Reference: Carneiro et al. (2013), Phys. Rev. Lett. 111, 058001, for the trend.
-    """
+    """Collisions raise the flux with u*; Reference for the trend: Carneiro et al. (2013), PRL 111, 058001."""
     return Shift(flux=np.log1p(0.8 * psi * np.maximum(at["u_star"] - 0.25, 0.0) / 0.25))
 
 
 def short_fetch(psi: float, at: Conditions) -> Shift:
-    """Flux saturates over a length psi (5 m): 1 - exp(-x / L).
-
-    Reference: Dong et al. (2004), Geomorphology 57.
-    """
+    """Flux saturates over psi (5 m): 1 - exp(-x / L); Reference: Dong et al. (2004), Geomorphology 57."""
     length = 5.0 * max(psi, 1e-12)
     return Shift(flux=np.log(np.maximum(-np.expm1(-at["fetch"] / length), 1e-6)))
 

@@ -39,6 +39,11 @@ def residual(fit: Fit) -> Floats:
     return now.rows.y - now.rows.columns @ np.where(left_out, 0.0, now.tau * now.centre)
 
 
+def chi2(fit: Fit) -> float:
+    """Misfit of all rows: weighted squares of what an explanation leaves."""
+    return float(fit.evidence.solved.rows.weight @ residual(fit) ** 2)
+
+
 def repeat_squares(fit: Fit) -> tuple[Floats, Floats]:
     """Squares of repeated rows about their means and their degrees of freedom, by scatter (k,)."""
     rows = fit.evidence.solved.rows

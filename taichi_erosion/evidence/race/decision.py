@@ -22,7 +22,7 @@ from math import log
 
 import numpy as np
 
-from taichi_erosion.evidence.race.adequacy import is_adequate
+from taichi_erosion.evidence.race.adequacy import chi2, is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, scatter_of, score
 from taichi_erosion.evidence.race.linear_evidence import with_best_scales
@@ -108,7 +108,7 @@ def probabilities(posterior: Posterior, names: set[str]) -> dict[str, float]:
 def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
-    Alone, or `beside` mechanisms that act.
+    Alone, or `beside` mechanisms that act. What leaves a larger misfit than nothing does is refuted.
     """
     sets = [{*named, name} for name in group] or [{*named}]
     race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
@@ -118,7 +118,7 @@ def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) ->
     best = max(fits, key=lambda fit: fit.log_evidence)
     medians = {name: quantiles(*posterior.strength(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
-    return listed and is_adequate(best, FAMILYWISE)
+    return listed and is_adequate(best, FAMILYWISE) and chi2(best) < chi2(race.bare)
 
 
 def reaches(race: Race, mechanism: str) -> bool:

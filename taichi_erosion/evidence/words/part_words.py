@@ -238,7 +238,7 @@ def headline(record: Record, voc: say.Vocabulary) -> str:
         open_ = "; these measurements do not tell which" if either else ""
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if record.acting_mechanisms else ''}"
     if record.verdict == "outside_library":
-        words = "something not in the list; no listed effect alone explains the data"
+        words = "something not in the list; no listed effect explains the data as the columns are read"
         chance = say.probability(record.unlisted)
         return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return silence(record, voc)
@@ -304,15 +304,17 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     least = np.nanmin([record.p_misfit, record.p_lack_of_fit, *(each.p for each in failing(record))])
     state = f"fails on {rows_text(record)}" if fails else agreement(record)
     state = f"the model {state} ({say.chance(float(least))})"
-    if likely == "none" and (not fails or share >= SURE):
+    if likely == "none" and (not fails or (share >= SURE and not failing(record))):
         common = " by errors of measurement" * fails
         none = f"probability that none acts: {say.probability(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
-    why = f"a name needs {SURE:g}"
+    why = f"; a name needs {SURE:g}"
     if share >= SURE:
-        why = f"among so many candidates one looks as good by chance with {say.chance(record.p)}"
+        why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
     name = say.EXPLANATIONS.get(likely) or say.join_words(map(voc.effect_title, likely.split("+")))
-    best = f"the likeliest, {name} alone, has probability {say.probability(share)}; {why}"
+    name, why = (name, "") if likely == "none" else (f"{name} alone", why)
+    share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
+    best = f"the likeliest, {name}, has probability {say.probability(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."
 
 

@@ -186,6 +186,27 @@ def test_a_listed_effect_is_not_named_where_it_misses_means_of_many_repeats(tmp_
     assert record.p_lack_of_fit < 0.001
 
 
+def test_no_name_leaves_a_larger_misfit_than_nothing(tmp_path):
+    fluxes = [
+        0.49177,
+        1.076,
+        1.8968,
+        3.8385,
+        0.27869,
+        0.77488,
+        1.5716,
+        3.4101,
+        8.1911e-4,
+        0.37275,
+        1.2142,
+        2.9787,
+    ]
+    winds, sizes = (0.32, 0.38, 0.45, 0.55) * 3, np.repeat((0.2, 0.3, 0.45), 4)
+    rows = "".join(f"{u};{d};{q};{0.05 * q};3\n" for u, d, q in zip(winds, sizes, fluxes, strict=True))
+    record = answer(study_of(tmp_path, "", f"u* (m/s);d50 (mm);sand flux (t/m/d);sd;n\n{rows}")).record
+    assert record.verdict == "none_detected"
+
+
 def test_no_name_has_a_strength_above_the_list(tmp_path):
     """Threshold by the root of 1 + 1.5 w in place of the list's 1 + 1.21 w^0.68, flux by Kawamura."""
     text = (TABLES / "kawamura.csv").read_text("utf-8")

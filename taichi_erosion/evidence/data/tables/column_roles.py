@@ -24,6 +24,7 @@ from taichi_erosion.tables.headings import (
     SCATTER,
     Heading,
     Role,
+    has_word,
     lone_angle,
     longest_word,
     meaning_of,
@@ -34,6 +35,7 @@ from taichi_erosion.tables.headings import (
     read_heading,
     stated_unit,
     unit_in,
+    vocabulary,
     wind_height,
 )
 from taichi_erosion.tables.number_columns import stem
@@ -165,6 +167,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if place in named or plain_words(heading.name).partition(" ")[0] == NOTE:
         return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
     role, name = meaning_of(heading.name)
+    if role == "n" and (heading.unit or heading.unreadable):  # a porosity, a rate of nitrogen
+        role = "unknown"
     if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
         behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
         role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
@@ -177,8 +181,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if not isnan(height):
         return Column(place, heading, "remark", sure=False, height=height)
     changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
-    if role == "unknown" or changed:
-        near = name if changed else near_meaning(heading.name, not heading.unit)
+    if role == "unknown" or changed or (unclear and name in AIR):  # of a tyre, of an oven
+        near = name if changed else "" if name in AIR else near_meaning(heading.name, not heading.unit)
         return Column(place, heading, "remark", sure=False, near=near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
@@ -226,6 +230,8 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
         except UnknownUnit as error:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
+    if column.role in SCATTER and has_word(column.heading.name, vocabulary()["intervals"]["mean"]):
+        yield f"{where}: an interval of the mean is no scatter: give the sd of single repeats; {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     if used and not column.numeric:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from math import inf, isnan, nan
+from statistics import median
 
 import numpy as np
 
@@ -48,7 +49,7 @@ from taichi_erosion.tables.headings import (
     vocabulary,
 )
 from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, stem
-from taichi_erosion.tables.spreadsheet import Cells, tells_apart
+from taichi_erosion.tables.spreadsheet import Cells, words_recur
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
@@ -140,7 +141,7 @@ def understand_columns(
     for column in (each for each in columns if each.unclear):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
-    columns = list(with_partners(list(with_kinds(columns, reading)), interview))
+    columns = list(with_partners(list(with_kinds(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
         known = ", ".join(options.measures or options.observables)
         faults.append(
@@ -367,12 +368,11 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
 
 
 def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
-    """The columns; one of words that tells apart rows alike in all else names set-ups: `trap`, `variety`."""
-    same = [each.place for each in columns if each.role in ("condition", "group", "source")]
+    """The columns; one of words that each stand in several rows names set-ups: `trap`, `variety`, `crop`."""
     for column in columns:
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
-        if unknown and not column.numeric and tells_apart(reading.cells, column.place, same):
-            words = f"column '{column.heading.text}' names set-ups: rows alike in all else differ in it"
+        if unknown and not column.numeric and words_recur(reading.cells, column.place):
+            words = f"column '{column.heading.text}' names set-ups: its words stand in several rows"
             reading.interview.assume(words)
             column = replace(column, role="group")
         yield column
@@ -422,10 +422,10 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     return [replace(c, role="remark", sure=True) if c.place in means else c for c in found]
 
 
-def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
+def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """Scatter and repeats with their observable: the one named, else the last before them.
 
-    Scatter beside the repeats themselves, or of a quantity that is not used, is not used.
+    Scatter beside the repeats themselves, of a quantity that is not used, or above the values, is not used.
     """
     measured = [column for column in columns if column.role == "observable"]
     repeated = {column.name for column in measured if column.is_repeat}
@@ -446,8 +446,11 @@ def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[C
         elif before and before.role == "remark" and before.numeric and before.heading.unit:
             of_another = column.role != "n" and not called
             why = f"it stands behind '{before.heading.text}', which is not used" if of_another else ""
+        sizes = [[abs(each.value) for each in reading.numbers(c)] or [0.0] for c in (column, partner)]
+        if column.role in ("sd", "se") and not column.heading.unit and median(sizes[0]) > median(sizes[1]):
+            why = f"its numbers are larger than those of '{partner.heading.text}'"
         if why:
-            interview.assume(f"column '{column.heading.text}' is not used: {why}")
+            reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
         yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
 
 

@@ -188,6 +188,30 @@ def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
     assert [len(np.unique(each)) for each in found.conditions.values()] == [3, 12]
 
 
+@pytest.mark.parametrize(
+    ("plain", "heading", "words"),
+    [
+        ("SD", "± 95 % confidence", "an interval of the mean is no scatter"),
+        ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
+        ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
+    ],
+)
+def test_words_that_make_another_quantity_are_refused(tmp_path, plain, heading, words):
+    rows = "".join(f"{d},{w},{u},0.01\n" for d, w, u in SANDS)
+    assert words in refused(tmp_path, HEAD.replace(plain, heading) + rows)
+
+
+def test_words_that_recur_name_set_ups_and_numbers_are_what_their_sizes_allow(tmp_path):
+    head = "crop,oven temperature (°C),n (%),s," + HEAD.replace("SD [m/s]", "SD (m/s)")
+    cells = zip("aabbab", (5, 60, 5, 60, 60, 5), (46, 44, 45, 46, 44, 45), SANDS, strict=True)
+    rows = (f"{crop},{t},{n},{40 + n},{d},{w},{u},0.01\n" for crop, t, n, (d, w, u) in cells)
+    found, assumed = measured(tmp_path, head + "".join(rows))
+    assert found.group == tuple("aabbab")
+    assert np.isnan(found.n).all(), "a porosity counts no repeats"
+    assert "oven_temperature" in found.conditions
+    assert any("larger than those of 'u*t [m/s]'" in each for each in assumed)
+
+
 @pytest.mark.parametrize("heading", ["hauteur de chute (cm)", "probe depth (cm)"])
 def test_a_column_with_a_unit_is_no_label_whatever_word_its_heading_holds(tmp_path, heading):
     rows = "".join(f"{w};{h};{30 + w + h};0.5\n" for w in (0, 1, 2) for h in (2, 5, 9))
