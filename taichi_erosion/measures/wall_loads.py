@@ -36,7 +36,7 @@ def force_along(loads: Sequence[Floats], axis: Floats) -> Measurement:
 
 def torque_about(loads: Sequence[Floats], axis: Floats, centre: Floats) -> Measurement:
     """Torque of the grains about an axis through a centre [N m]; mean and `sd` as of a force."""
-    torques = [float((load[3:] - np.cross(centre, load[:3])) @ axis) for load in loads]
+    torques = [float((load[3:6] - np.cross(centre, load[:3])) @ axis) for load in loads]
     return mean_of("wall_torque", torques, "N m")
 
 

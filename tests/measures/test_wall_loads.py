@@ -35,7 +35,7 @@ def test_the_load_of_a_wall_is_the_sum_of_its_contacts_with_opposite_sign():
 
 def test_forces_and_torques_are_means_with_the_scatter_of_blocks():
     rng = np.random.default_rng(1)
-    loads = [np.array([0.0, 0.0, 2.0 + noise, 0.0, 1.0, 0.5]) for noise in rng.normal(0.0, 0.1, 64)]
+    loads = [np.array([0.0, 0.0, 2.0 + x, 0.0, 1.0, 0.5, 9.0, 9.0, 9.0]) for x in rng.normal(0.0, 0.1, 64)]
     force = force_along(loads, UP)
     assert (force.value, force.unit) == (pytest.approx(2.0, abs=0.05), "N")
     assert force.sd == pytest.approx(0.1 / 8.0, rel=0.5)
