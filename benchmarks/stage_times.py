@@ -93,7 +93,7 @@ def stage_times(sim: Simulation) -> dict[str, float]:
     """
     _, released, _, _ = replica_row(sim, 0)
     times = {}
-    inside = (sim.world.driven or sim.world.has_state) and not sim.coupling.host_driven
+    inside = (sim.world.has_external_forces or sim.world.has_state) and not sim.coupling.host_driven
     for name, stage in (({"looks": one_exchange} if inside else {}) | STAGES).items():
         repeat(stage, 1, sim.world, sim.coupling)
         start = time.perf_counter()

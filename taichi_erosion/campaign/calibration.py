@@ -64,19 +64,19 @@ def calibrate(
     `overrides` are entries of its [campaign], in place of those of its file. `force` replaces files in
     the study's folder that no calibration wrote, or that were changed since.
     """
-    started = time.perf_counter()
+    start = time.perf_counter()
     file = read_calibration_study(path)
     calibration = Calibration(file)
-    planned = calculate.screening_design(file)
-    calibration.document = {"study": str(path), "until": until, "design": path_document(planned)}
+    design = calculate.screening_design(file)
+    calibration.document = {"study": str(path), "until": until, "design": path_document(design)}
     refuse_foreign_files(file, until, force)
-    write_design(calibration, "screen", planned)
+    write_design(calibration, "screen", design)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
         ledger = open_ledger(file.folder)
-        where = file.study.campaign.model_copy(update=overrides)
+        workers = file.study.campaign.model_copy(update=overrides)
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
-        runner = DesignRunner(file, ledger, where, progress, function, stages)
+        runner = DesignRunner(file, ledger, workers, progress, function, stages)
         try:
             run_steps(calibration, runner, steps)
         finally:
@@ -95,7 +95,7 @@ def calibrate(
         ListedFolder(file.folder).write("runs.csv", text.encode())
         calibration.document["runs"] = len(runner.runs)
         calibration.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
-    calibration.document["wall_s"] = time.perf_counter() - started
+    calibration.document["wall_s"] = time.perf_counter() - start
     return calibration
 
 
@@ -212,7 +212,7 @@ def optimum_document(optimisation: Optimisation) -> Document:
     return {
         "optima": optima,
         "reach": reach,
-        "met": optimisation.met,
+        "met": optimisation.is_met,
         "sentences": list(optimisation.sentences),
     }
 

@@ -60,7 +60,7 @@ class DesignRunner:
 
     file: CalibrationStudy
     ledger: Ledger
-    where: WorkersEntry = field(default_factory=WorkersEntry)
+    workers: WorkersEntry = field(default_factory=WorkersEntry)
     progress: Report | None = None
     function: str = SIMULATE
     stages: Sequence[str] = STAGES  # to be made
@@ -78,8 +78,8 @@ def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> desi
     results = execute(
         requests,
         runner.ledger,
-        workers=runner.where.workers,
-        scheduler=runner.where.scheduler,
+        workers=runner.workers.workers,
+        scheduler=runner.workers.scheduler,
         progress=report and (lambda share, words: report((place + share) / count, f"{stage}: {words}")),
         function=runner.function,
     )
@@ -105,8 +105,8 @@ def complete_settings(file: CalibrationStudy, settings: dict[str, float]) -> dic
 def changes_of(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
     """PATH=VALUE changes of a scene, those that hold for all runs first."""
     entries = file.study.parameters
-    linked = {path: value for main, value in settings.items() for path in entries[main].also}
-    return [*file.study.study.settings, *(f"{path}={value!r}" for path, value in (settings | linked).items())]
+    links = {path: value for main, value in settings.items() for path in entries[main].also}
+    return [*file.study.study.settings, *(f"{path}={value!r}" for path, value in (settings | links).items())]
 
 
 def design_request(
@@ -114,7 +114,7 @@ def design_request(
 ) -> RunRequest:
     """Request of one row of a design at one scene."""
     file = runner.file
-    extra: dict[str, Any] = {"device": runner.where}
+    extra: dict[str, Any] = {"device": runner.workers}
     if file.study.design.record in (stage, "all"):
         columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
         extra |= {

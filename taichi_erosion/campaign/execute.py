@@ -55,10 +55,10 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     return fellows[: max(min(max(share, least), most, first.most), 1)]
 
 
-def pace(requests: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
+def pace(requests: Mapping[str, RunRequest], wall_times: Mapping[str, float]) -> float:
     """Seconds of one worker per unit of work, of runs that ended; without any as fast as usual."""
-    work, spent = sum(requests[key].work for key in ended), sum(ended.values())
-    return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
+    work, seconds = sum(requests[key].work for key in wall_times), sum(wall_times.values())
+    return seconds / work if work > 0.0 and seconds > 0.0 else START / WORTH_A_START
 
 
 @dataclass
@@ -70,9 +70,9 @@ class Campaign:
     pool: Pool
     progress: Report | None
     work: float  # grain-steps of the runs that did not stand in the ledger
-    begun: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
-    reported: float = 0.0  # largest share reported; a batch that dies does not take it back
-    renewed: float = field(default_factory=time.monotonic)  # time of the last heartbeat
+    starts: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
+    share: float = 0.0  # largest share reported; a batch that dies does not take it back
+    heartbeat: float = field(default_factory=time.monotonic)  # time of the last heartbeat
 
 
 def execute(
@@ -104,10 +104,10 @@ def execute(
         try:
             while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
                 submit_batches(campaign, remaining)
-                for ended in pool.finished_batches(POLL):
-                    enter_batch(campaign, ended)
-                if time.monotonic() - campaign.renewed > HEARTBEAT:
-                    campaign.renewed = time.monotonic()
+                for finished in pool.finished_batches(POLL):
+                    enter_batch(campaign, finished)
+                if time.monotonic() - campaign.heartbeat > HEARTBEAT:
+                    campaign.heartbeat = time.monotonic()
                     ledgers.renew_leases(ledger)
                     ledgers.release_stale_leases(ledger)
                 report_progress(campaign, list(remaining))
@@ -132,21 +132,21 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
             campaign.pool.submit(Batch(keys, payloads))
             whole = sum(request.work for request in batch)
-            campaign.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
+            campaign.starts |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def enter_batch(campaign: Campaign, ended: FinishedBatch) -> None:
+def enter_batch(campaign: Campaign, finished: FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
-    ledger, keys = campaign.ledger, ended.batch.keys
-    for place, record in ended.records:
+    ledger, keys = campaign.ledger, finished.batch.keys
+    for place, record in finished.records:
         ledgers.record_result(ledger, keys[place], record)
     without_record = list(unfinished_runs(ledger, keys))
     for key in without_record:
-        campaign.begun.pop(key, None)
-    if ended.reason and not ended.died and len(keys) == 1 and without_record:
-        ledgers.record_result(ledger, keys[0], {"failure": ended.reason})
+        campaign.starts.pop(key, None)
+    if finished.reason and not finished.is_worker_dead and len(keys) == 1 and without_record:
+        ledgers.record_result(ledger, keys[0], {"failure": finished.reason})
     elif without_record:
-        ledgers.record_worker_death(ledger, without_record, ended.reason or "it gave no result")
+        ledgers.record_worker_death(ledger, without_record, finished.reason or "it gave no result")
 
 
 def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:
@@ -158,8 +158,8 @@ def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:
     rest = 0.0
     second = pace(requests, finished_runs(campaign.ledger, list(requests)))
     for key in remaining:
-        start, whole = campaign.begun.get(key, (now, 0.0))
+        start, whole = campaign.starts.get(key, (now, 0.0))
         by_time = min((now - start) / (START + second * whole), NEARLY)
         rest += requests[key].work * (1.0 - by_time)
-    campaign.reported = max(campaign.reported, 1.0 - rest / campaign.work)
-    campaign.progress(campaign.reported, f"{len(requests) - len(remaining)} of {len(requests)} runs")
+    campaign.share = max(campaign.share, 1.0 - rest / campaign.work)
+    campaign.progress(campaign.share, f"{len(requests) - len(remaining)} of {len(requests)} runs")

@@ -166,7 +166,7 @@ def record_result(ledger: Ledger, key: str, record: dict[str, Any]) -> None:
 
 def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> None:
     """Put runs back whose worker died; a run in which DEATHS_MOST workers died has failed."""
-    died = f"{DEATHS_MOST} workers died of it; the last: {reason}"
+    failure = f"{DEATHS_MOST} workers died of it; the last: {reason}"
     with ledger.database.transaction() as sql:
         sql.executemany(
             "UPDATE run SET state = 'waiting', owner = NULL, deaths = deaths + 1 "
@@ -176,22 +176,22 @@ def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> Non
         sql.executemany(
             "UPDATE run SET state = 'failed', failure = ?, ended = ? "
             "WHERE key = ? AND state = 'waiting' AND deaths >= ?",
-            [(died, time.time(), key, DEATHS_MOST) for key in keys],
+            [(failure, time.time(), key, DEATHS_MOST) for key in keys],
         )
 
 
 def unfinished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
     """State and deaths of those runs that have not ended."""
     query = "SELECT key, state, deaths FROM run WHERE state IN ('waiting', 'leased')"
-    unended = {key: (state, deaths) for key, state, deaths in ledger.database.rows(query)}
-    return {key: unended[key] for key in keys if key in unended}
+    states = {key: (state, deaths) for key, state, deaths in ledger.database.rows(query)}
+    return {key: states[key] for key in keys if key in states}
 
 
 def finished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, float]:
     """Wall time [s] of those runs that have ended."""
     query = "SELECT key, wall_s FROM run WHERE state IN ('done', 'failed')"
-    ended = {key: wall_s or 0.0 for key, wall_s in ledger.database.rows(query)}
-    return {key: ended[key] for key in keys if key in ended}
+    wall_times = {key: wall_s or 0.0 for key, wall_s in ledger.database.rows(query)}
+    return {key: wall_times[key] for key in keys if key in wall_times}
 
 
 def read_results(ledger: Ledger, keys: Sequence[str]) -> list[RunResult]:

@@ -51,7 +51,7 @@ class FinishedBatch:
     batch: Batch
     records: Records = field(default_factory=list)
     reason: str = ""
-    died: bool = False  # the worker is gone
+    is_worker_dead: bool = False  # the worker is gone
 
 
 def named_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
@@ -159,12 +159,12 @@ class Pool:
             code = self.processes.pop(executor).exitcode
             self.start()
             reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-            return FinishedBatch(batch, reason=reason, died=True)
+            return FinishedBatch(batch, reason=reason, is_worker_dead=True)
         except Exception as error:
             name = type(error).__name__
-            died = name in ("KilledWorker", "CancelledError", "FutureCancelledError")  # of Dask
-            reason = f"lost by the cluster ({name})" if died else f"{name}: {error}"
-            return FinishedBatch(batch, reason=reason, died=died)
+            is_worker_dead = name in ("KilledWorker", "CancelledError", "FutureCancelledError")  # of Dask
+            reason = f"lost by the cluster ({name})" if is_worker_dead else f"{name}: {error}"
+            return FinishedBatch(batch, reason=reason, is_worker_dead=is_worker_dead)
 
     def close(self) -> None:
         """End all workers; those without a batch by themselves, since they may have something to put away."""

@@ -161,9 +161,9 @@ def simulating() -> Iterator[RunFunction]:
         parts = [replica(payload) for payload in payloads]
         precision, way = parts[0].scene.run.precision, payloads[0]
         numerics = Numerics(way["arch"], THREADS, precision, way["decomposition"])
-        reused, previous = previous, None  # fields of an ensemble that breaks off are not used again
+        before, previous = previous, None  # fields of an ensemble that breaks off are not used again
         try:
-            previous = run_replicas_after(reused, parts, numerics, send_record)
+            previous = run_replicas_after(before, parts, numerics, send_record)
         except Exception as error:
             if (reason := compile_failure(error)) is None:
                 raise

@@ -66,7 +66,7 @@ def print_audit(document: output.Record) -> None:
 
 
 def run_steps(
-    until: "Step", study: Path, where: Mapping[str, Any], as_json: bool, force: bool, show: Show
+    until: "Step", study: Path, entries: Mapping[str, Any], as_json: bool, force: bool, show: Show
 ) -> "Calibration":
     """Run a calibration up to a step and print the result of that step.
 
@@ -75,7 +75,7 @@ def run_steps(
     from taichi_erosion.campaign.calibration import calibrate
 
     with reporting("calibrating", KEPT) as progress:
-        calibration = calibrate(study, until, where, progress, force=force)
+        calibration = calibrate(study, until, entries, progress, force=force)
     if as_json:
         output.print_json(calibration.document)
     else:
@@ -147,9 +147,9 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
         as_json: AsJson = False,
     ) -> None:
         options = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
-        where = {name: value for name, value in options.items() if value is not None}
+        entries = {name: value for name, value in options.items() if value is not None}
         calibration = run_steps(
-            "confirm" if step == "calibrate" else step, study, where, as_json, force, show
+            "confirm" if step == "calibrate" else step, study, entries, as_json, force, show
         )
         if step != "calibrate":
             return

@@ -30,12 +30,12 @@ WATCH_INTERVAL = 1.0  # s of wall time between two lines of watched numbers
 class Sampler:
     """Callback that prints the numbers that are watched."""
 
-    printed: float = -inf  # s of the monotonic clock, at the latest print
+    latest_print: float = -inf  # s of the monotonic clock, at the latest print
 
     def __call__(self, session: Session) -> None:
         now = session.samples[-1]
-        if session.watched and monotonic() - self.printed >= WATCH_INTERVAL:
-            self.printed = monotonic()
+        if session.watched and monotonic() - self.latest_print >= WATCH_INTERVAL:
+            self.latest_print = monotonic()
             numbers = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
             typer.echo(f"{now['time_s']:.6g} s  {'  '.join(numbers)}")
 

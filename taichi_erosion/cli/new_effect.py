@@ -144,7 +144,7 @@ def meaning_of(key: str, value: float) -> tuple[str, float, float]:
 
 
 def points(
-    chosen: Sequence["DosePart"], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
+    parts: Sequence["DosePart"], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""
     from taichi_erosion.core.device import start_device, stop_device
@@ -152,8 +152,8 @@ def points(
     from taichi_erosion.core.setup import Numerics
     from taichi_erosion.mechanisms.law import at_dose, device_response
 
-    chosen = chosen[:: -(-len(chosen) // MOST_POINTS)]
-    doses, responses = [each.dose for each in chosen], [0.0] * len(chosen)
+    parts = parts[:: -(-len(parts) // MOST_POINTS)]
+    doses, responses = [each.dose for each in parts], [0.0] * len(parts)
     if mechanism.constants is not None:
         start_device(Numerics(threads=1))
         try:
@@ -162,7 +162,6 @@ def points(
         finally:
             stop_device()
     settings = [
-        {columns[key][0]: value * columns[key][1] for key, value in each.conditions.items()}
-        for each in chosen
+        {columns[key][0]: value * columns[key][1] for key, value in each.conditions.items()} for each in parts
     ]
     return list(zip(settings, doses, responses, strict=True))

@@ -127,9 +127,9 @@ def print_claims(document: Record) -> None:
         typer.echo(f"note: {known_failures} of those that fail are known to; docs/trust.md says why")
 
 
-def verdict(passed: bool) -> str:
+def verdict(holds: bool) -> str:
     """Mark of a claim that holds, or of one that does not."""
-    return "ok" if passed else "FAILED"
+    return "ok" if holds else "FAILED"
 
 
 def print_cases(document: Record) -> None:

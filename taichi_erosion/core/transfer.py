@@ -115,10 +115,10 @@ def device_fields(owner: Any) -> Iterator[Any]:
             yield value
 
 
-def layout(chosen: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
+def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
     """Field, first column of the table, rows and columns of one element; a scalar has 0 rows."""
     rows, first = [], 0
-    for one in chosen:
+    for one in fields:
         shape = (*inner_shape(one), 1, 1)[:2] if hasattr(one, "n") else (0, 1)
         rows.append((one, first, *shape))
         first += max(shape[0], 1) * shape[1]

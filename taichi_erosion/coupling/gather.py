@@ -138,7 +138,7 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shea
         chance=ti.cast(uniform(coupling.exchange.seed[r], 0, 0)[0], float),
         drag_factor=1.0,
     )
-    if ti.static(world.driven):
+    if ti.static(world.has_external_forces):
         grain.air_velocity = world.frozen_drag.air_velocity[i]
     if ti.static(coupling.has_air):
         grain.air_density = ti.cast(coupling.air.numbers.density[r], float)
@@ -182,7 +182,7 @@ def gather_grain(world_out: ti.template(), coupling: ti.template(), r, i, update
     """Frozen terms of the grain at place i; effects update its state where `updates_state`."""
     (frozen_out,) = ti.static((world_out.frozen_drag,))
     void, shear = 1.0, 0.0
-    if ti.static(world_out.driven):
+    if ti.static(world_out.has_external_forces):
         frozen_out.steady_acceleration[i] = 0.0 * frozen_out.steady_acceleration[i]
     if ti.static(coupling.has_air):
         void, shear = gather_drag(world_out, coupling, r, i)

@@ -97,6 +97,6 @@ def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> 
         state.frames = [Snapshot(**frame) for frame in record["frames"]]
         state.airs = [AirProfile(**air) for air in record["airs"]]
         if search := record["search"]:
-            trial, brackets = Trial(**search["trial"]), search["found"].items()
-            brackets_of = {name: Bracket(**bracket) for name, bracket in brackets}
-            state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": brackets_of})
+            brackets = {name: Bracket(**each) for name, each in search["brackets"].items()}
+            parts = {"trial": Trial(**search["trial"]), "brackets": brackets}
+            state.search = ThresholdSearch(scene, **search | parts)

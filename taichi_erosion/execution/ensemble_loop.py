@@ -144,7 +144,7 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: stages.ReplicaSta
     before = state.energy if released == state.released else None
     state.released = int(released)
     moving = any(stage.move for stage in past_stages)  # one may still move
-    driven = sim.laws.normal == "jkr" or sim.world.driven or sim.world.pair_effects.any
+    driven = sim.laws.normal == "jkr" or sim.world.has_external_forces or sim.world.pair_effects.any
     state.energy = None if moving or driven else now
     if before is None or state.energy is None:
         return None

@@ -213,7 +213,7 @@ def measure_inputs(
         tilts=tuple(state.tilts),
         air=air,
         airs=tuple(state.airs),
-        thresholds={} if state.search is None else state.search.found,
+        thresholds={} if state.search is None else state.search.brackets,
         profile=partial(fields_now, sim, replica),
         period=sim.setups[replica].period,
         window=window,

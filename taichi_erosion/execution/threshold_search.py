@@ -49,7 +49,7 @@ class Trial:
     began: float  # s
     start: Floats  # [n, 3] m, of every grain when it began
     last: Floats  # [n, 3] m, at the last check
-    rolled: Any  # [n] bool, moved along the bed by the distance
+    rolling: Any  # [n] bool, moved along the bed by the distance
     risen: Any  # [n] bool, moved upwards by the distance
     largest_motion: float = np.inf  # m, largest displacement of a grain between the last two checks
     flux: list[float] = field(default_factory=list)  # kg m-1 s-1, at every check
@@ -71,8 +71,8 @@ class ThresholdSearch:
     low: float | None = None  # m s-1, highest wind from rest that the bed withstood
     high: float | None = None  # m s-1, lowest wind from rest that moved it
     flux_at_start: float = 0.0  # kg m-1 s-1, flux from which the fall begins
-    found: dict[str, Bracket] = field(default_factory=dict)
-    blown: list[tuple[float, float]] = field(default_factory=list)  # friction velocity, flux: start and fall
+    brackets: dict[str, Bracket] = field(default_factory=dict)
+    fluxes: list[tuple[float, float]] = field(default_factory=list)  # friction velocity, flux: start and fall
 
     @property
     def period(self) -> Floats:
@@ -134,7 +134,7 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     spin_up_wind(sim, replica, wind, anew=from_rest)
     search.trial = new_trial(sim, replica, wind, time)
     if search.phase == "ramp":
-        search.trial.start, search.trial.rolled, search.trial.risen = old.start, old.rolled, old.risen
+        search.trial.start, search.trial.rolling, search.trial.risen = old.start, old.rolling, old.risen
     return False
 
 
@@ -143,7 +143,7 @@ def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
     trial = search.trial
     far = search.scene.threshold.distance * search.diameter
     shift = periodic_displacement(state.position, trial.start, search.period)
-    trial.rolled = trial.rolled | (np.hypot(shift[:, 0], shift[:, 1]) > far)
+    trial.rolling = trial.rolling | (np.hypot(shift[:, 0], shift[:, 1]) > far)
     trial.risen = trial.risen | (shift[:, 2] > far)
     step = periodic_displacement(state.position, trial.last, search.period)
     trial.largest_motion = float(np.abs(step).max())
@@ -181,10 +181,10 @@ def after_ramp(search: ThresholdSearch, in_motion: bool) -> float:
     grains leave the bed, for which a step is short, ends far above it.
     """
     now, factor = search.trial.friction_velocity, 1.0 + search.scene.threshold.rise
-    rolled = np.count_nonzero(search.trial.rolled) >= search.grains_needed
+    rolled = np.count_nonzero(search.trial.rolling) >= search.grains_needed
     if not (rolled or in_motion):
         return now * factor
-    search.found["rolling_onset"] = Bracket(now / factor, now)
+    search.brackets["rolling_onset"] = Bracket(now / factor, now)
     search.phase = "hold"
     return now / factor if in_motion else now
 
@@ -203,7 +203,7 @@ def after_hold(search: ThresholdSearch, in_motion: bool) -> float | None:
     bracket = Bracket(search.low, search.high)
     if bracket.high > bracket.low * (1.0 + settings.rise) ** (0.5**settings.levels) * (1.0 + ROUNDING):
         return bracket.middle
-    search.found["fluid_threshold"] = bracket
+    search.brackets["fluid_threshold"] = bracket
     if not set(IMPACT) & set(search.scene.measure):
         return None
     search.phase = "start"
@@ -213,7 +213,7 @@ def after_hold(search: ThresholdSearch, in_motion: bool) -> float | None:
 def after_start(search: ThresholdSearch, in_motion: bool) -> float | None:
     """First wind of the fall; the flux of developed transport is stored."""
     search.flux_at_start = search.trial.late_flux
-    search.blown.append((search.trial.friction_velocity, search.flux_at_start))
+    search.fluxes.append((search.trial.friction_velocity, search.flux_at_start))
     if search.flux_at_start <= 0.0:
         return None
     search.phase = "fall"
@@ -223,12 +223,12 @@ def after_start(search: ThresholdSearch, in_motion: bool) -> float | None:
 def after_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
     """A weaker wind while transport goes on; at its end the impact threshold."""
     now, factor = search.trial.friction_velocity, 1.0 - search.scene.threshold.fall
-    search.blown.append((now, search.trial.late_flux))
+    search.fluxes.append((now, search.trial.late_flux))
     if in_motion:
         return now * factor
-    search.found["impact_threshold"] = Bracket(now, now / factor)
-    if (line := flux_intercept(search.blown)) is not None:
-        search.found["impact_threshold_linear"] = line
+    search.brackets["impact_threshold"] = Bracket(now, now / factor)
+    if (line := flux_intercept(search.fluxes)) is not None:
+        search.brackets["impact_threshold_linear"] = line
     return None
 
 

@@ -126,10 +126,10 @@ STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backwa
 def eliminate_backward(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
     while True:
-        needed = set[Term]().union(*(parents(term) for term in fit.terms))
+        parent_terms = set[Term]().union(*(parents(term) for term in fit.terms))
         p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
         removable = [
-            (float(value), term) for value, term in zip(p, fit.terms, strict=True) if term not in needed
+            (float(value), term) for value, term in zip(p, fit.terms, strict=True) if term not in parent_terms
         ]
         worst, leaving = max(removable, key=lambda pair: pair[0], default=(0.0, ()))
         if not worst > STAY:

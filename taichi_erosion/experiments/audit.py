@@ -68,7 +68,7 @@ class Structure:
     cells: tuple[Cell, ...] = ()  # each restores the design alone
 
     @property
-    def chosen(self) -> Cell | None:
+    def sole_cell(self) -> Cell | None:
         """The cell that restores the design, if there is only one."""
         return self.cells[0] if len(self.cells) == 1 else None
 
@@ -99,7 +99,7 @@ class Audit:
     fit: Fit | None
     comparisons: tuple[Comparison, ...]
     findings: tuple[Finding, ...]
-    assumed: tuple[str, ...]
+    assumptions: tuple[str, ...]
 
 
 def audit(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
@@ -107,7 +107,7 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
     table, claims = published.read_published(path, response), published.claims_of(path, claims_file)
     structure = examine_structure(table.coded)
     folder = (claims_file or path).parent
-    assumed = [f"{name} is another result; --response names it" for name in table.others]
+    assumptions = [f"{name} is another result; --response names it" for name in table.others]
     findings, fits, comparisons = list(structure_findings(table, structure)), list[Fit](), list[Comparison]()
     sheet = published.read_sheet(folder / claims.anova) if claims.anova else None
     names = [factor.path for factor in table.factors]
@@ -129,10 +129,10 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
             best = optimise([fit], [Goal(fit.response, claims.target.value)])
             nearest = best.optima[0].predictions[fit.response].value
             findings += [Finding("target", sentence, found=nearest) for sentence in best.sentences]
-        assumed += [f"the model has the terms {', '.join(fit.names)}"] if fit is not fits[0] else []
-        assumed += ["the equation is in actual factors"] if actual else []
+        assumptions += [f"the model has the terms {', '.join(fit.names)}"] if fit is not fits[0] else []
+        assumptions += ["the equation is in actual factors"] if actual else []
     sentences = tuple(replace(each, table=each.table or path.name) for each in findings)
-    return Audit(table, structure, fit, tuple(comparisons), sentences, tuple(assumed))
+    return Audit(table, structure, fit, tuple(comparisons), sentences, tuple(assumptions))
 
 
 def examine_structure(coded: Floats) -> Structure:
@@ -229,7 +229,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = restore(table.coded, structure.chosen)
+    coded = restore(table.coded, structure.sole_cell)
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
@@ -311,8 +311,8 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
         letters += [name for name in (LETTERS[k : k + 1].casefold(), f"x{k + 1}") if name not in used_names]
     for term in (*model_terms(len(names), "quadratic"), *models.interaction_terms(len(names), 3)):
         forms = [
-            [form for name in own for form in ((name,) if power == 1 else (name + "2", name + name))]
-            for own, power in zip(factor_names, term, strict=True)
+            [form for name in words for form in ((name,) if power == 1 else (name + "2", name + name))]
+            for words, power in zip(factor_names, term, strict=True)
             if power
         ]
         if any("".join(form) in short for order in permutations(forms) for form in product(*order)):
@@ -415,7 +415,7 @@ def as_document(result: Audit) -> dict[str, Any]:
         "factors": [factor.path for factor in table.factors],
         "response": table.response,
         "set_aside": list(table.set_aside),
-        "assumed": list(result.assumed),
+        "assumed": list(result.assumptions),
         "two_level": structure.two_level,
         "balanced": structure.balanced,
         "orthogonal": structure.orthogonal,

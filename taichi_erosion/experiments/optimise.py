@@ -99,7 +99,7 @@ class Optimisation:
 
     optima: tuple[Optimum, ...]
     reach: dict[str, Reach]
-    met: bool  # every target is met at the best optimum
+    is_met: bool  # every target is met at the best optimum
     sentences: tuple[str, ...]
 
 
@@ -115,11 +115,11 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
         least = abs(goal.target) * np.finfo(float).eps  # where the response is the same everywhere
         limited.append(replace(goal, low=low, high=max(high, low + least)))
     optima = local_optima(models, limited)
-    met = all(
+    is_met = all(
         abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
         for goal, fit in zip(limited, models, strict=True)
     )
-    return Optimisation(tuple(optima), reach, met, tuple(explain(limited, optima, reach, met)))
+    return Optimisation(tuple(optima), reach, is_met, tuple(explain(limited, optima, reach, is_met)))
 
 
 def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
@@ -202,21 +202,21 @@ def prediction_range(fit: Fit) -> Reach:
 
 
 def explain(
-    goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
+    goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], is_met: bool
 ) -> Iterator[str]:
     """What a reader must know before trying an optimum."""
     pairs = [(goal, reach[goal.response]) for goal in goals]
-    missed = [(goal, ends) for goal, ends in pairs if not ends.low <= goal.target <= ends.high]
-    for goal, ends in missed:
+    outside = [(goal, ends) for goal, ends in pairs if not ends.low <= goal.target <= ends.high]
+    for goal, ends in outside:
         nearest, where = (ends.high, ends.at_high) if goal.target > ends.high else (ends.low, ends.at_low)
         place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
         yield (
             f"{goal.response}: the target {goal.target:g} is outside the range of this model in the design "
             f"({ends.low:.4g} to {ends.high:.4g}); the nearest value is {nearest:.4g} at {place}"
         )
-    if not missed and not met:
+    if not outside and not is_met:
         yield "each target can be reached alone, but no point reaches all of them together"
-    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
+    if is_met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
         yield "many settings reach the target (a line or face of the design); the first is the most certain"
     if optima[0].desirability <= 0.0:
         yield "no point is inside all limits: the listed points are the nearest ones"

@@ -34,7 +34,7 @@ class World:
     laws: ContactLaws
     lanes: int  # contacts of a batch
     batch_type: Any  # struct type of a batch of pairs, in the run's precision
-    clumped: bool  # compiled in: without clumps nothing of them is in the kernels
+    has_clumps: bool  # compiled in: without clumps nothing of them is in the kernels
     clumps: Clumps
     pair_effects: DeviceEffects
     pair_type: Any  # struct type of a pair, for its effects
@@ -42,7 +42,7 @@ class World:
     first_contact_type: Any  # likewise, of two grains that begin to overlap
     grain_effects: DeviceEffects
     has_state: bool  # compiled in: whether any effect has state variables of grains
-    driven: bool  # compiled in: whether air or grain effects act between contacts
+    has_external_forces: bool  # compiled in: whether air or grain effects act between contacts
     frozen_drag: FrozenDrag
     sleeps: bool  # compiled in: whether deep grains may sleep
     sleep: Sleep

@@ -51,7 +51,7 @@ def accelerations(world_out: ti.template(), r, i, buffer):
     spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
     grains_out.force[buffer] = 0.0 * gravity
     grains_out.torque[buffer] = 0.0 * gravity
-    if ti.static(world_out.driven):
+    if ti.static(world_out.has_external_forces):
         acceleration += frozen.steady_acceleration[i]
         spin_rate += frozen.steady_spin_rate[i]
     return acceleration, spin_rate
@@ -71,7 +71,7 @@ def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
     (grains_out,) = ti.static((world_out.grains,))
     acceleration, spin_rate = accelerations(world_out, r, i, buffer)
     velocity = grains_out.velocity[i] + acceleration * kick
-    if ti.static(world_out.driven):
+    if ti.static(world_out.has_external_forces):
         velocity = apply_drag(world_out.frozen_drag, i, velocity, kick)
         acceleration = (velocity - grains_out.velocity[i]) / kick
     shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]

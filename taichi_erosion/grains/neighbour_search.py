@@ -78,7 +78,7 @@ def proximity(world: ti.template(), r, i, j, period):
                 base = side_block(grains, r, 1 - world.replicas.side[r])
                 source, _ = old_entry(world, r, i - base, j - base)
                 state = ti.select(source < 0, 0, world.pairs.label[ti.max(source, 0)] & MET) // MET
-    if ti.static(world.clumped):
+    if ti.static(world.has_clumps):
         row = r * grains.capacity
         if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:
             state = 0
@@ -197,7 +197,7 @@ def release_grain(world_out: ti.template(), r, rank):
     grains_out.mass_inverse[i] = source.mass_inverse[row]
     grains_out.material[i] = source.material[row]
     grains_out.ident[i] = ident
-    if ti.static(world_out.driven):
+    if ti.static(world_out.has_external_forces):
         clear_frozen_drag(world_out.frozen_drag, i)
     if ti.static(world_out.sleeps):
         clear_sleep(world_out.sleep, i)
@@ -249,7 +249,7 @@ def move_grain(world_out: ti.template(), r, rank):
     grains_out.extent[k] = radius + allowed
     grains_out.material[k] = grains_out.material[i]
     grains_out.ident[k] = grains_out.ident[i]
-    if ti.static(world_out.driven):
+    if ti.static(world_out.has_external_forces):
         copy_frozen_drag(world_out.frozen_drag, k, i)
     if ti.static(world_out.sleeps):
         move_sleep(world_out.sleep, k, i)

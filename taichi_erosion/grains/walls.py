@@ -39,7 +39,7 @@ class Walls:
     material: Any  # i32 by surface
     present: Any  # i32 by surface, 0 once removed
     moving: Any  # i32 by surface
-    moved: Any  # i32 by surface, 1 once it has been set in motion; till then it stands where it was put
+    has_moved: Any  # i32 by surface, 1 once it has been set in motion; till then it stands where it was put
     shift: Any  # f64 vec3 by surface, displacement since the start [m]
     turn: Any  # f64 mat3 by surface, rotation since the start
     velocity: Any  # f64 vec3 by surface [m s-1]
@@ -50,7 +50,7 @@ class Walls:
     table: Any  # f64 by row: time, velocity and spin, seven numbers
     row: Any  # i32 by surface, first row of the table that it follows
     row_count: Any  # i32 by surface, 0 where it follows none
-    begun: Any  # i32 by surface, step at which its motion was set
+    start_step: Any  # i32 by surface, step at which its motion was set
     servos: int  # partitions whose forces on walls are summed; 0 where no wall has a servo
     servo: Any  # i32 by surface, NO_SERVO, FORCE or TORQUE
     axis: Any  # f64 vec3 by surface, of the servo
@@ -73,11 +73,11 @@ def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int = 0,
         f64x4="profile",
     )
     table |= arrays(
-        bodies, i32="material present moving moved", f64="sweep", f64x3="shift velocity spin centre"
+        bodies, i32="material present moving has_moved", f64="sweep", f64x3="shift velocity spin centre"
     )
     table |= arrays(replicas * max(rows, 1), f64x7="table")
     numbers = "target fastest servo_speed servo_reach"
-    table |= arrays(bodies, i32="row row_count begun servo", f64=numbers, f64x3="axis")
+    table |= arrays(bodies, i32="row row_count start_step servo", f64=numbers, f64x3="axis")
     table |= arrays(max(servos, 1) * bodies, f64="push stiffness")
     turn = ti.Matrix.field(3, 3, ti.f64, shape=bodies)
     return Walls(primitives, surfaces, rows=rows, servos=servos, **table, turn=turn)
@@ -166,7 +166,7 @@ def wall_distance(walls: ti.template(), w, offset):
 def into_wall_frame(walls: ti.template(), s, position):
     """Position in the frame of surface s, where the surface is as at the start [m]."""
     seen = position
-    if walls.moved[s] == 1:
+    if walls.has_moved[s] == 1:
         centre = walls.centre[s]
         seen = walls.turn[s].transpose() @ (position - centre - walls.shift[s]) + centre
     return seen
@@ -176,7 +176,7 @@ def into_wall_frame(walls: ti.template(), s, position):
 def out_of_wall_frame(walls: ti.template(), s, direction):
     """Direction in space of a direction in the frame of surface s."""
     turned = direction
-    if walls.moved[s] == 1:
+    if walls.has_moved[s] == 1:
         turned = walls.turn[s] @ direction
     return turned
 
@@ -185,7 +185,7 @@ def out_of_wall_frame(walls: ti.template(), s, direction):
 def surface_velocity(walls: ti.template(), s, position):
     """Velocity of the material of surface s at a position [m s-1]."""
     velocity = 0.0 * position
-    if walls.moved[s] == 1:
+    if walls.has_moved[s] == 1:
         velocity = walls.velocity[s] + walls.spin[s].cross(position - walls.centre[s] - walls.shift[s])
     return velocity
 
@@ -205,7 +205,7 @@ def move_walls(walls_out: ti.template(), replicas_out: ti.template(), r):
         s = r * walls_out.surfaces + k
         if walls_out.moving[s] == 1:
             if ti.static(walls_out.rows > 0):
-                follow_table(walls_out, s, (replicas_out.step[r] - walls_out.begun[s] + 0.5) * dt)
+                follow_table(walls_out, s, (replicas_out.step[r] - walls_out.start_step[s] + 0.5) * dt)
             if ti.static(walls_out.servos > 0):
                 sweep = ti.max(sweep, walls_out.sweep[s] + control(walls_out, replicas_out, r, s, dt))
             walls_out.shift[s] = walls_out.shift[s] + walls_out.velocity[s] * dt

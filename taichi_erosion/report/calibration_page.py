@@ -116,7 +116,7 @@ def effect_table(calibration: Calibration, name: str) -> Cells:
         # the scatter of single runs where the screening has no t
         error = abs(effect["value"] / t) if t == t and t != 0.0 else screened["quality"]["sd"]
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        value = with_scatter_of(effect["value"], error, signed=True)
+        value = with_scatter_of(effect["value"], error, with_sign=True)
         label = f"{effect['label']} {entry.symbol}".strip()
         rows.append((label, limits, value, f"{effect['p']:.2g}", entry.published))
     unit = calibration.file.study.targets[name].unit

@@ -31,11 +31,11 @@ def clocks(sim: Simulation) -> tuple[Integers, Integers, Integers]:
     return step, status, remaining
 
 
-def steps_until(sim: Simulation, until: Sequence[float], taken: Integers) -> Integers:
+def steps_until(sim: Simulation, until: Sequence[float], steps_done: Integers) -> Integers:
     """Whole steps that bring every replica to its time after those `taken`; 0 for those already there."""
     dt = np.array([setup.time_step for setup in sim.setups])
     total = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
-    return np.maximum(total - taken, 0).astype(np.int32)
+    return np.maximum(total - steps_done, 0).astype(np.int32)
 
 
 def advance(sim: Simulation, until: Sequence[float]) -> None:
@@ -44,8 +44,8 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
     A list that is too short is grown and the step repeated. Launches are short, so that signals reach the
     host; their length changes no result.
     """
-    taken, status, _ = clocks(sim)
-    remaining = steps_until(sim, until, taken)
+    steps_done, status, _ = clocks(sim)
+    remaining = steps_until(sim, until, steps_done)
     while True:
         remaining = np.where(status == Status.RUNNING, remaining, 0)
         if not remaining.any():
@@ -71,18 +71,18 @@ def launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
     """Run once; returns the status of each replica, and the steps that it did not do."""
     replicas, count = sim.world.replicas, len(steps)
     upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
-    start, used = time.perf_counter(), time.process_time()
+    start, processor_time = time.perf_counter(), time.process_time()
     size = team_size(sim.team, largest_team(sim))
     if sim.buffers is not None:
         run_steps(sim.world, sim.coupling, sim.buffers, int(steps.max()))
     else:
         run_partitions(sim, steps, size)
     _, status, undone = clocks(sim)
-    elapsed, used = time.perf_counter() - start, time.process_time() - used
-    if sim.launched:
-        sim.pace = float((steps - undone).max()) / elapsed
-        note_team(sim, size, elapsed, used)
-    sim.launched = True
+    wall, processor_time = time.perf_counter() - start, time.process_time() - processor_time
+    if sim.has_launched:
+        sim.pace = float((steps - undone).max()) / wall
+        note_team(sim, size, wall, processor_time)
+    sim.has_launched = True
     return status, undone
 
 
@@ -105,12 +105,12 @@ def largest_team(sim: Simulation) -> int:
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
 
 
-def note_team(sim: Simulation, size: int, elapsed: float, used: float) -> None:
+def note_team(sim: Simulation, size: int, wall: float, processor_time: float) -> None:
     """Judge the size of the teams after a launch and its times [s]."""
     most, count = largest_team(sim), len(sim.setups)
     if most > 1 and sim.team.adapts:
         late = bool(download([sim.world.replicas.late], 0, count)[0].any())
-        note_launch(sim.team, count, size, elapsed, used)
+        note_launch(sim.team, count, size, wall, processor_time)
         judge(sim.team, count, size, most, late)
 
 
@@ -141,7 +141,7 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
     first, rows = (2 * replica + side) * sim.capacities.grains, sim.capacities.grains
     ident = download([sim.world.grains.ident], first, rows)[0]  # by rank
     partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.capacities.primitives, 1)
-    alone = status != Status.OVERLAP
+    lone = status != Status.OVERLAP
     step = int(download([replicas.step], replica, 1)[0][0])
     time_step = sim.setups[replica].time_step
-    return Failure(status, step * time_step, int(ident[grain]), -1 if alone else partner, float(value[p]))
+    return Failure(status, step * time_step, int(ident[grain]), -1 if lone else partner, float(value[p]))

@@ -69,7 +69,7 @@ class Simulation:
     schedule: Schedule
     buffers: GrainBuffers | None = None  # of the grain decomposition
     pace: float = 0.0  # steps a second and replica seen so far
-    launched: bool = False  # the first launch compiles and does not count for the pace
+    has_launched: bool = False  # the first launch compiles and does not count for the pace
     team: Team = field(default_factory=Team)
     device: object = field(default_factory=impl.get_runtime)
 
@@ -82,8 +82,8 @@ class Simulation:
 def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grain: bool) -> World:
     """Fields of all setups, one per replica, and the device functions; the device must have been started."""
     lanes, buffers, stride = (1, 2, capacities.grains) if by_grain else (LANES, capacities.partitions, 1)
-    compiled = compile_contact_laws(laws)
-    driven, sleeps = is_driven(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
+    contact_laws = compile_contact_laws(laws)
+    external, sleeps = has_external_forces(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
     effects, places = [s.effects for s in setups], 2 * capacities.replicas * capacities.grains
     pair_effects, grain_effects = (bind(place, effects, places) for place in ("pair", "grain"))
     world = World(
@@ -101,10 +101,10 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
         ),
         wall_pairs=allocate_wall_list(capacities.replicas, capacities.grains, capacities.wall_pairs),
         materials=allocate_materials(capacities.replicas, capacities.materials),
-        laws=compiled,
+        laws=contact_laws,
         lanes=lanes,
         batch_type=batch_type(lanes),
-        clumped=setups[0].clumps is not None,
+        has_clumps=setups[0].clumps is not None,
         clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,
         pair_type=pair_type(),
@@ -112,9 +112,9 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
         first_contact_type=first_contact_type(),
         grain_effects=grain_effects,
         has_state=pair_effects.has_state or grain_effects.has_state,
-        driven=driven,
+        has_external_forces=external,
         frozen_drag=allocate_frozen_drag(
-            capacities.replicas if driven else 1, capacities.grains if driven else 1
+            capacities.replicas if external else 1, capacities.grains if external else 1
         ),
         sleeps=sleeps,
         sleep=allocate_sleep(capacities.replicas if sleeps else 1, capacities.grains if sleeps else 1),
@@ -132,9 +132,9 @@ def upload_setups(world: World, setups: list[Setup]) -> None:
     for r, setup in enumerate(setups):
         for axis in range(3):
             if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
-                named = f"period along {'xyz'[axis]} = {setup.period[axis]} m"
+                period = f"period along {'xyz'[axis]} = {setup.period[axis]} m"
                 raise BadInput(
-                    f"{named} holds fewer than {PERIOD_CELLS_LEAST} cells of the largest grain; "
+                    f"{period} holds fewer than {PERIOD_CELLS_LEAST} cells of the largest grain; "
                     "make the box wider or the grains smaller"
                 )
 
@@ -151,10 +151,10 @@ def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
     return max(law_reach, longest), max(law_reach, longest) - max(law_reach, free)
 
 
-def is_driven(setups: list[Setup]) -> bool:
+def has_external_forces(setups: list[Setup]) -> bool:
     """Whether air or grain effects act between contacts."""
-    pushed = any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
-    return pushed or any(setup.air is not None for setup in setups)
+    by_effects = any(acting.effect.place == "grain" for setup in setups for acting in setup.effects)
+    return by_effects or any(setup.air is not None for setup in setups)
 
 
 def check_mixture(setups: list[Setup]) -> None:
@@ -163,7 +163,7 @@ def check_mixture(setups: list[Setup]) -> None:
         raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
     if len({s.air is None for s in setups}) > 1:
         raise BadInput("an ensemble mixes runs with and without air; run them apart")
-    if setups[0].clumps is not None and is_driven(setups):
+    if setups[0].clumps is not None and has_external_forces(setups):
         raise BadInput("air and grain effects act on single spheres; leave grains.clump out")
 
 
@@ -239,8 +239,8 @@ def reuse_or_assemble(
             write(table, 0)
     before.setups = listed
     everyone = padded_with_copies(listed, before.capacities)
-    for bound in bound_effects(before.world).values():
-        write_constants(bound, [setup.effects for setup in everyone])
+    for effects in bound_effects(before.world).values():
+        write_constants(effects, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
     release_start(before)
@@ -276,6 +276,6 @@ def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
     """Whether all effects are compiled in, and no others that would change a replica without them."""
     present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
     bounds = bound_effects(before.world)
-    compiled = {(place, name) for place, bound in bounds.items() for name in bound.names}
+    compiled = {(place, name) for place, effects in bounds.items() for name in effects.names}
     same = all(effect.act in bounds[place].functions for (place, _), effect in present.items())
     return same and not any(place in EXCLUSIVE for place, _ in compiled - present.keys())

@@ -35,12 +35,12 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     walls = sim.world.walls
     place = surface_index(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin, *motion.table)) or motion.servo is not None
-    has_moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
+    has_moved = moves or download([walls.has_moved], place, 1)[0][0] > 0.0
     setup, surface = sim.setups[replica], place % sim.capacities.surfaces
     steady = [replace(motion, velocity=row[1:4], spin=row[4:7]) for row in motion.table] or [motion]
     sweep = max(shape_speed(setup, surface, each) for each in steady)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
-    words = [(walls.moving, [float(moves)]), (walls.moved, [float(has_moved)]), (walls.sweep, [sweep])]
+    words = [(walls.moving, [float(moves)]), (walls.has_moved, [float(has_moved)]), (walls.sweep, [sweep])]
     upload([*words, *vectors, *driven_columns(sim, replica, surface, motion)], place)
     make_stale(sim, replica)
 
@@ -52,9 +52,9 @@ def driven_columns(
     walls, setup, servo = sim.world.walls, sim.setups[replica], motion.servo
     lengths, in_use = [len(table) for table in setup.tables], motion.table in setup.tables
     first = sum(lengths[: setup.tables.index(motion.table)]) if in_use else 0
-    begun = download([sim.world.replicas.step], replica, 1)[0][0]
+    now = download([sim.world.replicas.step], replica, 1)[0][0]
     columns = [(walls.row, [replica * walls.rows + first]), (walls.row_count, [in_use * len(motion.table)])]
-    columns += [(walls.begun, [begun]), (walls.servo_speed, [0.0])]
+    columns += [(walls.start_step, [now]), (walls.servo_speed, [0.0])]
     if servo is None:
         return [*columns, (walls.servo, [NO_SERVO])]
     turning = replace(motion, velocity=(0.0, 0.0, 0.0), spin=servo.axis)
@@ -112,8 +112,8 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     bounds = bound_effects(sim.world)
     if any(e.effect.name not in bounds[e.effect.place].names for e in effects):
         return False
-    for place, bound in bounds.items():
-        write_constants(bound, [[e for e in effects if e.effect.place == place]], replica)
+    for place, of_place in bounds.items():
+        write_constants(of_place, [[e for e in effects if e.effect.place == place]], replica)
     sim.setups[replica] = replace(sim.setups[replica], effects=tuple(effects))
     return True
 

@@ -168,10 +168,10 @@ def contact_sums(sim: Simulation, first: int, last: int, counts: bool = False) -
     return contacts, values
 
 
-def positions(sim: Simulation, replica: int, first: int, released: int) -> Floats:
+def positions(sim: Simulation, replica: int, first: int, count: int) -> Floats:
     """Positions [m] of the grains from place `first` on, wrapped into the period."""
     setup = sim.setups[replica]
-    origin, shift = download([sim.world.grains.origin, sim.world.grains.shift], first, released)
+    origin, shift = download([sim.world.grains.origin, sim.world.grains.shift], first, count)
     place = origin + shift
     for axis, (low, period) in enumerate(zip(setup.domain[0], setup.period, strict=True)):
         if period > 0.0:

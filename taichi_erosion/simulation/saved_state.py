@@ -28,8 +28,8 @@ SPRINGS = ("tangential_displacement", "rolling_displacement")
 PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", *SPRINGS)
 WALL_PAIR = ("wall", "label", "root_radius", "damping", "rolling_damping", *SPRINGS)
 SURFACE = (
-    *("present", "moving", "moved", "shift", "turn", "velocity", "spin", "centre", "sweep"),
-    *("row", "row_count", "begun", "servo", "axis", "target", "fastest", "servo_speed", "servo_reach"),
+    *("present", "moving", "has_moved", "shift", "turn", "velocity", "spin", "centre", "sweep"),
+    *("row", "row_count", "start_step", "servo", "axis", "target", "fastest", "servo_speed", "servo_reach"),
 )
 AIR_CELLS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
@@ -77,7 +77,7 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     out = download_members("", world.grains, GRAIN, first, count)
     out |= download_members("", world.grains, RATE, r * sim.capacities.grains, count)
     out["bounds"] = download_field(world.replicas.bounds)[r]
-    if world.driven:
+    if world.has_external_forces:
         out |= download_members("frozen_", world.frozen_drag, FROZEN, first, count)
     if world.sleeps:
         out |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count)
@@ -92,7 +92,7 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
         out[f"{prefix}number"] = number
         out |= {name: values[places] for name, values in entries.items()}
     out["wall_wall"] = out["wall_wall"] - r * sim.capacities.primitives
-    if world.clumped:
+    if world.has_clumps:
         out |= download_members("body_", world.clumps, BODY, r * bodies, bodies)
     return out
 
@@ -142,8 +142,9 @@ def start_from_beds(sim: Simulation) -> None:
         if (bed := setup.bed) is None:
             continue
         count, first = len(bed["ident"]), 2 * r * sim.capacities.grains
-        part = download_members("frozen_", world.frozen_drag, FROZEN, first, count) if world.driven else {}
-        part |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
+        part = download_members("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
+        if world.has_external_forces:
+            part |= download_members("frozen_", world.frozen_drag, FROZEN, first, count)
         ident = np.argsort(np.argsort(bed["ident"]))  # without grains that had left
         acts = bed["pair_label"].astype(int) & ENGAGED > 0  # the others are found anew
         owner = np.repeat(np.arange(count), bed["pair_number"])[acts]
@@ -162,11 +163,11 @@ def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: in
     return np.repeat(start, number) + stride * within
 
 
-def in_room(saved: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
+def in_room(numbers: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
     """Numbers by replica and partition in a field of another size, zero where none is saved."""
-    column = np.zeros(room, saved.dtype)
-    rows, columns = np.minimum(saved.shape, room)
-    column[:rows, :columns] = saved[:rows, :columns]
+    column = np.zeros(room, numbers.dtype)
+    rows, columns = np.minimum(numbers.shape, room)
+    column[:rows, :columns] = numbers[:rows, :columns]
     return column
 
 
@@ -232,15 +233,15 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload([(world.replicas.partitions, [1.0])], r)
     upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
     upload(columns("", world.grains, RATE, part), r * rows)
-    if world.driven:
+    if world.has_external_forces:
         upload(columns("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
     if world.sleeps:
         upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
     for name, (numbers, start) in effect_states(sim).items():
-        begun = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
-        upload([(numbers, part.get(f"effect_{name}", begun))], 2 * r * sim.capacities.grains)
+        fresh = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
+        upload([(numbers, part.get(f"effect_{name}", fresh))], 2 * r * sim.capacities.grains)
     import_lists(sim, r, part)
-    if world.clumped:
+    if world.has_clumps:
         upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
         rank = np.full(rows, NOWHERE)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))

@@ -29,7 +29,7 @@ def position_fault(world: ti.template(), r, rank):
     grains, replicas = ti.static((world.grains, world.replicas))
     i = side_block(grains, r, replicas.side[r]) + rank
     position = position_of(grains, replicas, r, i)
-    if ti.static(world.clumped):  # all spheres of a clump leave together
+    if ti.static(world.has_clumps):  # all spheres of a clump leave together
         sphere = r * grains.capacity + grains.ident[i]
         body = r * world.clumps.capacity + world.source.body[sphere]
         position = wrap(world.clumps.position[body], replicas.period[r], replicas.low[r])
@@ -62,7 +62,7 @@ def mark_leaving(world_out: ti.template(), r, rank, fault):
     gone = world_out.replicas.removes[r] * ti.cast(fault == LOST, ti.i32)
     if world_out.replicas.removes[r] == 1:
         world_out.cells.cell[r * grains.capacity + rank] = GONE * gone
-        if ti.static(world_out.clumped):
+        if ti.static(world_out.has_clumps):
             if gone == 1:
                 i = side_block(grains, r, world_out.replicas.side[r]) + rank
                 world_out.clumps.rank[r * grains.capacity + grains.ident[i]] = NOWHERE
@@ -93,7 +93,7 @@ def prepare_rebuild(world_out: ti.template(), r):
     check_positions(world_out, r)
     if world_out.replicas.status[r] == 0:
         count_wide_grains(world_out, r)
-        if ti.static(not world_out.driven):
+        if ti.static(not world_out.has_external_forces):
             fit_cells(world_out.cells, world_out.grains, world_out.replicas, r)
         sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
         count_out(world_out.replicas, r, world_out.replicas.leaving[r])
@@ -104,7 +104,7 @@ def prepare_rebuild(world_out: ti.template(), r):
 def finish_rebuild(world_out: ti.template(), r):
     """Make the other side the valid one; where the lists did not fit, keep the old and stop."""
     swap_sides(world_out.replicas, r)
-    if ti.static(world_out.clumped):
+    if ti.static(world_out.has_clumps):
         if world_out.replicas.status[r] == 0:
             locate_spheres(world_out, r, 0, world_out.replicas.released[r])
 
@@ -188,7 +188,7 @@ def integrate(world_out: ti.template(), r, member, size, step, is_last):
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
             need = 0
-            if ti.static(world_out.clumped):
+            if ti.static(world_out.has_clumps):
                 need = advance_clumps(world_out, r, p, step)
             else:
                 gather_forces(world_out, r, p)
@@ -210,7 +210,7 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
     """Advance one replica by one time step; returns the next barrier."""
     (replicas_out,) = ti.static((world_out.replicas,))
     step = replicas_out.step[r]
-    if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
+    if ti.static((world_out.has_external_forces or world_out.has_state) and not coupling_out.host_driven):
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
     apply_to_owned(add_forces, world_out, r, member, size)

@@ -27,10 +27,10 @@ class Team:
     left_out: int = 0
     adapts: bool = True
     wall: float = 0.0  # s of launches since the last judgement
-    used: float = 0.0  # processor time of them [s]
-    delayed: bool = False  # whether a worker came late in one of them
-    shrunk: float = 0.0  # when a worker was left out last [s]
-    grown: float = -WAIT_MOST  # when a worker came back last [s]
+    processor_time: float = 0.0  # processor time of them [s]
+    has_late_worker: bool = False  # whether a worker came late in one of them
+    shrink_time: float = 0.0  # when a worker was left out last [s]
+    growth_time: float = -WAIT_MOST  # when a worker came back last [s]
     wait: float = WAIT_LEAST  # s before a larger team is tried
     worker_seconds: float = 0.0  # of all launches
     seconds: float = 0.0  # of all launches
@@ -52,37 +52,37 @@ def spins_most(pace: float) -> int:
     return int(min(max(SPINS, half_step), 2**30))
 
 
-def note_launch(team: Team, teams: int, size: int, wall: float, used: float) -> None:
+def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: float) -> None:
     """Add a launch of so many teams of `size` workers, its time and processor time [s]."""
     team.worker_seconds += wall * size * teams
     team.seconds += wall
     team.wall += wall
-    team.used += used
+    team.processor_time += processor_time
 
 
 def judge(team: Team, teams: int, size: int, most: int, late: bool) -> None:
     """Leave a worker out of every team, or take some back, by what the last launches got of the cores."""
     now = time.perf_counter()
     team.left_out = min(team.left_out, most - 1)
-    team.delayed |= late
-    lost = teams * size * team.wall - team.used
-    if size > 1 and (team.wall >= WINDOW or lost >= LOST_MOST * teams):
-        if team.delayed and lost * size > teams * team.wall:
-            shrink(team, now, min(max(round(lost / (teams * team.wall)), 1), size - 1))
+    team.has_late_worker |= late
+    idle = teams * size * team.wall - team.processor_time
+    if size > 1 and (team.wall >= WINDOW or idle >= LOST_MOST * teams):
+        if team.has_late_worker and idle * size > teams * team.wall:
+            shrink(team, now, min(max(round(idle / (teams * team.wall)), 1), size - 1))
         begin_window(team)
-    if 0 < team.left_out and size < most and now - max(team.shrunk, team.grown) >= team.wait:
+    if 0 < team.left_out and size < most and now - max(team.shrink_time, team.growth_time) >= team.wait:
         team.left_out //= 2
-        team.grown = now
+        team.growth_time = now
         begin_window(team)
 
 
 def begin_window(team: Team) -> None:
     """Forget the launches that have been judged."""
-    team.wall, team.used, team.delayed = 0.0, 0.0, False
+    team.wall, team.processor_time, team.has_late_worker = 0.0, 0.0, False
 
 
 def shrink(team: Team, now: float, fewer: int) -> None:
     """Leave so many more workers out; they come back later where the last one came back too early."""
-    team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.grown < RELAPSE else WAIT_LEAST
+    team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.growth_time < RELAPSE else WAIT_LEAST
     team.left_out += fewer
-    team.shrunk = now
+    team.shrink_time = now

@@ -37,7 +37,7 @@ def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions:
         orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
         rest_least, share = zip(*orders, strict=True)
         upload([(world.sleep.rest_least, rest_least), (world.sleep.share, share)])
-    if world.clumped:
+    if world.has_clumps:
         upload_clumps(world, setups)
 
 
@@ -45,8 +45,10 @@ def common_rows(setups: list[Setup], materials: Materials) -> list[int]:
     """Row of Materials of all pairs of grains, by replica; -1 where grains differ in material."""
     kinds = [np.unique(setup.grains.material) for setup in setups]
     return [
-        r * materials.rows + pair_row(int(own[0]), int(own[0]), materials.count) if len(own) == 1 else -1
-        for r, own in enumerate(kinds)
+        r * materials.rows + pair_row(int(material[0]), int(material[0]), materials.count)
+        if len(material) == 1
+        else -1
+        for r, material in enumerate(kinds)
     ]
 
 

@@ -86,20 +86,20 @@ def read_heading(text: str) -> Heading:
     rest = EMPTY.sub(" ", text[: count.start()] + text[count.end() :]).strip() if count else ""
     if count and rest:
         return replace(read_heading(rest), text=text, repeats=int(count[count.lastindex or 0]))
-    unreadable, (unit, kept) = "", unit_at_end(text) if "/(" in text else ("", text)  # `flux in kg/(m s)`
+    unreadable, (unit, bare) = "", unit_at_end(text) if "/(" in text else ("", text)  # `flux in kg/(m s)`
     for match in BRACKETS.finditer(text) if not unit else ():
         inner = next(part for part in match.groups() if part is not None).strip()
-        found, words = unit_and_words(inner)
-        if found and not unit:
-            unit, kept = found, kept.replace(match[0], f" ({words}) " if words else " ")
-        elif not found and (match["round"] is None or looks_like_unit(inner)):
-            unreadable, kept = inner, kept.replace(match[0], " ")
+        inner_unit, words = unit_and_words(inner)
+        if inner_unit and not unit:
+            unit, bare = inner_unit, bare.replace(match[0], f" ({words}) " if words else " ")
+        elif not inner_unit and (match["round"] is None or looks_like_unit(inner)):
+            unreadable, bare = inner, bare.replace(match[0], " ")
     if not unit and not unreadable:
         remarks = " ".join(match[0] for match in BRACKETS.finditer(text))
         unit, words = unit_at_end(BRACKETS.sub(" ", text).strip())
-        kept = f"{words} {remarks}" if unit else text
+        bare = f"{words} {remarks}" if unit else text
         unit = unit or ("%" if PERCENT.search(text) else "")
-    name = " ".join(kept.split()) or text
+    name = " ".join(bare.split()) or text
     return with_law(Heading(text, name, unit, "" if unit else unreadable))
 
 
@@ -193,10 +193,10 @@ def unit_in(text: str) -> str | None:
     if spelt := next((unit for unit, words in vocabulary()["units"].items() if plain in words), ""):
         return spelt
     try:
-        found = parse_scale(plain)
+        scale = parse_scale(plain)
     except UnknownUnit:
         return None
-    return None if found.kind == (("radian", -1),) else plain  # the number of a repeat: `angle 1/°`
+    return None if scale.kind == (("radian", -1),) else plain  # the number of a repeat: `angle 1/°`
 
 
 @cache
@@ -308,11 +308,11 @@ def of_another(heading: str) -> bool:
 
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
-    remainder, meant, known = left_words(heading.name), longest_word(heading.name, *KINDS)[2], vocabulary()
-    for word in known["laws"].get(heading.law, ()):
+    remainder, meant = left_words(heading.name), longest_word(heading.name, *KINDS)[2]
+    for word in vocabulary()["laws"].get(heading.law, ()):
         remainder = re.sub(occurrence(word), " ", remainder)
-    scopes = [words for scope, words in known["changes"].items() if scope in (meant, "everywhere")]
-    scopes += [known["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
+    scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meant, "everywhere")]
+    scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
     changed = [word for words in scopes for word in words if found_length(word, remainder)]
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
     if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:
@@ -396,7 +396,7 @@ def near_meaning(heading: str, bare: bool = False) -> str:
 def is_misspelt(text: str, word: str) -> bool:
     """Whether a text may be a known word, misspelt in each of its words."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
-    return all(get_close_matches(own, [listed], cutoff=NEAR) for own, listed in pairs)
+    return all(get_close_matches(one, [other], cutoff=NEAR) for one, other in pairs)
 
 
 def holds_value(heading: Heading) -> bool:

@@ -62,19 +62,19 @@ def no_conditions(
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
-    `results` are the measured quantities, `known` other conditions, `set_ups` the name of each row's set-up.
+    `results` are the measured quantities, `conditions` are others, `set_ups` name the set-up of each row.
     Raises BadInput where nothing is left but a column that may be computed from a result.
     """
-    kept, why = dict(conditions), dict[str, str]()
+    others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
-        reason = why_no_condition(heading, values, results, kept, number_sets([set_ups]))
-        if not reason and len(kept) - len(conditions) == MOST:
+        reason = why_no_condition(heading, values, results, others, number_sets([set_ups]))
+        if not reason and len(others) - len(conditions) == MOST:
             reason = f"{MOST} others are kept"
         if reason:
             why[heading] = reason
         else:
-            kept[heading] = values
-    if lone := [text for text, reason in why.items() if reason == AGAIN and not kept]:
+            others[heading] = values
+    if lone := [text for text, reason in why.items() if reason == AGAIN and not others]:
         remedy = f"say --condition '{stem(lone[0])}=UNIT' where it was set, or begin its heading with 'note'"
         raise BadInput(f"column '{lone[0]}': {AGAIN}, and nothing else varies; {remedy}")
     return why
@@ -159,8 +159,8 @@ def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:
     free = int(both.sum()) - np.unique(rest[both]).size - 2
     if free < 1 or not differs_within(result[both], rest[both]):
         return False
-    left = unexplained_share(result[both], values[both], rest[both])
-    return bool(fdtrc(2, free, (1.0 / max(left, 1e-12) - 1.0) * free / 2.0) < CHANCE)
+    share = unexplained_share(result[both], values[both], rest[both])
+    return bool(fdtrc(2, free, (1.0 / max(share, 1e-12) - 1.0) * free / 2.0) < CHANCE)
 
 
 def unexplained_share(y: Numbers, x: Numbers, rest: Numbers) -> float:

@@ -45,9 +45,9 @@ def with_spread(value: float, sd: float, n: int) -> str:
     return f"{value:.{places}f} ± {sd:.{places}f} ({n})"
 
 
-def with_scatter_of(value: float, scatter: float, signed: bool = False) -> str:
+def with_scatter_of(value: float, scatter: float, with_sign: bool = False) -> str:
     """Number rounded to the second digit of its scatter; to four digits where that is not known."""
-    sign = "+" if signed else ""
+    sign = "+" if with_sign else ""
     if not isfinite(value):
         return "none"
     if not (isfinite(scatter) and scatter > 0.0):

@@ -343,9 +343,9 @@ def write_out(cells: Cells) -> Cells:
             pairs = zip(matches, content, strict=True)
             plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
         column[1:] = [in_unit(cell, heading, cells.decimal_comma) for cell in plain]
-        told = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
+        conversions = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()
-        notes += [f"column '{heading.text}': {words}" for words in (*marks, *told)]
+        notes += [f"column '{heading.text}': {words}" for words in (*marks, *conversions)]
     rows = zip((line for line, _ in cells.rows), zip(*columns, strict=True), strict=True)
     return replace(cells, rows=tuple(rows), notes=tuple(notes))
 

@@ -249,8 +249,8 @@ def settling_speeds() -> Floats:
 
 def terminal_velocities() -> Iterator[Outcome]:
     """V30: quartz spheres fall at the published terminal velocities, four digits each."""
-    for (microns, wanted), speed in zip(TERMINAL.items(), settling_speeds(), strict=True):
-        yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, wanted, 0.005, "f64")
+    for (microns, speed_of_table), speed in zip(TERMINAL.items(), settling_speeds(), strict=True):
+        yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, speed_of_table, 0.005, "f64")
 
 
 LADDER = Ladder(

@@ -38,7 +38,7 @@ def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: floa
     for _ in range(STEPS_MOST):
         now = search.trial.friction_velocity
         moved = now >= {"ramp": ramp, "hold": leaves, "start": 0.0, "fall": rests}[search.phase]
-        search.trial.rolled = np.full(search.grains_needed, now >= rolls)
+        search.trial.rolling = np.full(search.grains_needed, now >= rolls)
         next_wind = NEXT_WIND[search.phase](search, moved)
         if next_wind is None:
             return search
@@ -49,8 +49,8 @@ def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: floa
 @pytest.mark.parametrize("leaves", [0.13, 0.2, 0.29])
 def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scene, leaves: float):
     search = searched(scene, rolls=0.12, ramp=0.2, leaves=leaves, rests=0.1)
-    fluid, impact = search.found["fluid_threshold"], search.found["impact_threshold"]
-    rolling = search.found["rolling_onset"]
+    fluid, impact = search.brackets["fluid_threshold"], search.brackets["impact_threshold"]
+    rolling = search.brackets["rolling_onset"]
     assert fluid.low < leaves <= fluid.high
     assert 1.0 < fluid.high / fluid.low <= 1.05 ** (1.0 / 2**3) * (1.0 + 1e-6)
     assert impact.low < 0.1 <= impact.high
@@ -60,7 +60,7 @@ def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scen
 
 def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene: Scene):
     search = searched(scene, rolls=0.12, ramp=0.2, leaves=0.0, rests=0.1)
-    assert set(search.found) == {"rolling_onset"}
+    assert set(search.brackets) == {"rolling_onset"}
 
 
 def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
@@ -73,9 +73,9 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
         search.trial = trial(next_wind)
         search.trial.flux = [next_wind**2 - 0.09**2]
     assert winds == pytest.approx([0.2 * 0.95**k for k in range(1, len(winds) + 1)])
-    assert set(search.found) == {"impact_threshold", "impact_threshold_linear"}
-    assert search.found["impact_threshold"].low < 0.1 <= search.found["impact_threshold"].high
-    assert search.found["impact_threshold_linear"].middle == pytest.approx(0.09, rel=1e-6)
+    assert set(search.brackets) == {"impact_threshold", "impact_threshold_linear"}
+    assert search.brackets["impact_threshold"].low < 0.1 <= search.brackets["impact_threshold"].high
+    assert search.brackets["impact_threshold_linear"].middle == pytest.approx(0.09, rel=1e-6)
 
 
 def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene):
@@ -84,13 +84,13 @@ def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene)
     far = 1.1 * search.diameter
     moved = np.array([[scene.wind.length - 1e-6, 0.0, 0.0], [1e-4, far, 0.0]])
     record_motion(search, snapshot_of(moved))
-    assert search.trial.rolled.tolist() == [False, True]
+    assert search.trial.rolling.tolist() == [False, True]
     assert not search.trial.risen.any()
     record_motion(search, snapshot_of(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
     assert search.trial.risen.tolist() == [True, False]
     # what once rolled has rolled, also after the wind has brought it back
     record_motion(search, snapshot_of(search.trial.start))
-    assert search.trial.rolled.tolist() == [False, True]
+    assert search.trial.rolling.tolist() == [False, True]
 
 
 def test_a_bed_is_at_rest_early_only_in_a_steady_wind_and_moves_with_the_grains_asked_for(scene: Scene):

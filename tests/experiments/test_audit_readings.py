@@ -78,7 +78,7 @@ def test_an_equation_in_actual_factors_is_held_against_the_fit_in_actual_factors
     lines[1][0], lines[6][3] = "A-sliding friction", "1.22" if not term else lines[6][3]
     found = audited(tmp_path, ["A", "B", "C", "angle of repose"], levels, ANGLES, lines, claims)
     assert [column for _, column, _ in wrong(found)] == [term or "B*C"]
-    assert "the equation is in actual factors" in found.assumed
+    assert "the equation is in actual factors" in found.assumptions
 
 
 @pytest.mark.parametrize("planted", [False, True])

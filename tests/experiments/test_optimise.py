@@ -33,7 +33,7 @@ def test_optima_on_corners_are_found_there_and_equal_ones_both():
 
 def test_a_target_that_is_reached_is_met_along_a_line_of_separate_points():
     found = optimise([surface("y", hill)], [Goal("y", 8.0)])
-    assert found.met
+    assert found.is_met
     best = [o for o in found.optima if o.desirability > 1.0 - 1e-6]
     assert len(best) > 3
     spreads = [float(surface("y", hill).leverage(o.coded[None, :])[0]) for o in best]
@@ -45,7 +45,7 @@ def test_a_target_that_is_reached_is_met_along_a_line_of_separate_points():
 
 def test_a_target_above_the_surface_is_said_to_be_out_of_reach_with_the_nearest_value():
     found = optimise([surface("y", hill)], [Goal("y", 12.0)])
-    assert not found.met
+    assert not found.is_met
     (sentence,) = found.sentences
     assert "the target 12 is outside the range of this model" in sentence
     assert "the nearest value is 10 at a = 1.5, b = 17.5" in sentence
@@ -62,13 +62,13 @@ def test_a_target_above_the_surface_is_said_to_be_out_of_reach_with_the_nearest_
 def test_two_wishes_that_exclude_each_other_are_called_so():
     fits = [surface("y", lambda a, b: a), surface("z", lambda a, b: -a)]
     found = optimise(fits, [Goal("y", 0.5), Goal("z", 0.5)])
-    assert not found.met
+    assert not found.is_met
     assert "no point reaches all of them" in found.sentences[0]
     assert found.optima[0].coded[0] == pytest.approx(0.0, abs=1e-3)
     # two that agree are both met
     fits = [surface("y", lambda a, b: a + b), surface("z", lambda a, b: a - b)]
     found = optimise(fits, [Goal("y", 0.5), Goal("z", 0.1)])
-    assert found.met
+    assert found.is_met
     assert found.optima[0].coded == pytest.approx([0.3, 0.2], abs=1e-4)
 
 

@@ -99,7 +99,7 @@ def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:
         loads = (sum_chunk, chunk_count(grains)), (load_cell, coupling.air.cell_count)
         stages += [(is_first, task, width) for task, width in (*loads, (GATHER_ONLY, grains))]
         stages += [(is_due, task, width) for task, width in (*loads, (advance_air, 1))]
-    if world.driven or world.has_state:
+    if world.has_external_forces or world.has_state:
         stages.append((is_due, GATHER, grains))
     if world.sleeps:
         stages += [(may_sleep, task, grains) for task in SLEEP]

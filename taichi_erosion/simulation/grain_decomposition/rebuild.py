@@ -103,7 +103,7 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
         fault, value = position_fault(world_out, r, lost)
         stop_at(replicas_out, r, lost, fault, value)
     else:
-        if ti.static(not world_out.driven):
+        if ti.static(not world_out.has_external_forces):
             fit_grid(world_out, buffers_out, r)
         arrange_axes(cells_out, r)
         number, chunk = cells_out.number[r], 1
@@ -307,6 +307,6 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     sort = (((put_in_cell, grains),), ((sort_cell, cells), (end_sort, 1)), ((move_sorted, grains),))
     lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))
     stages = [survey, *((task,) for task in tasks), *sort, lists, end]
-    if world.clumped:
+    if world.has_clumps:
         stages.append(((locate_sphere, grains),))
     return tuple(tuple((is_renewing, *task) for task in stage) for stage in stages)

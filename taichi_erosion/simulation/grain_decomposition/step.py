@@ -33,7 +33,7 @@ class Stages:
     forces: Stage
     motion: tuple[Stage, ...]
     wait: int  # steps between two looks
-    apart: tuple[Stage, ...]  # of a look and `WAIT` steps
+    look_and_steps: tuple[Stage, ...]  # of a look and `WAIT` steps
 
 
 @ti.func
@@ -73,7 +73,7 @@ def clear_flags(buffers_out: ti.template()):
 def is_exchanging(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """Whether replica r exchanges with air, fields or states before the coming step."""
     exchanges = False
-    if ti.static((world.driven or world.has_state) and not coupling.host_driven):
+    if ti.static((world.has_external_forces or world.has_state) and not coupling.host_driven):
         exchanges = is_due(world, coupling, buffers, r)
     return exchanges
 
@@ -133,14 +133,14 @@ def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers)
     if world.walls.primitives:
         forces = (*forces, (is_stepping, evaluate_walls, grains))
     motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, end_step, 1)),)
-    if world.clumped:
+    if world.has_clumps:
         bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, end_step, 1)
         motion = ((is_moving, join_forces, grains),), bodies
     wait = min(WAIT, world.replicas.count)
     rebuild, exchange = rebuild_stages(world, buffers), exchange_stages(world, coupling)
     look = ((always, judge, 1),)
-    apart = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
-    return Stages(look, rebuild, exchange, forces, motion, wait, apart)
+    look_and_steps = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
+    return Stages(look, rebuild, exchange, forces, motion, wait, look_and_steps)
 
 
 @ti.func
@@ -234,7 +234,7 @@ def run_apart(
     stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
     """Look at the lists and advance by `WAIT` steps, task by task, with a thread for each place of a task."""
-    for stage in ti.static(stages.apart):
+    for stage in ti.static(stages.look_and_steps):
         for part in ti.static(stage):
             acts, task, width = ti.static(part)
             for n in range(world_out.replicas.count * width):
