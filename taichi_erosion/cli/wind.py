@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 
 app = typer.Typer()
-Precise = Literal["fluid_threshold", "impact_threshold", "threshold_ratio"]
+Precise = Literal["fluid_threshold", "impact_threshold", "threshold_ratio", "threshold_ratio_linear"]
 
 
 @app.command("wind", **help_of("wind", SIMULATE))

@@ -178,6 +178,11 @@ def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     return lambda state: threshold.bracket_threshold(name, state.thresholds.get(kind))
 
 
+def ratio_of(name: str, impact: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of one reading of the impact threshold over the fluid threshold."""
+    return lambda e: threshold.ratio(name, OBSERVABLES[impact](e), OBSERVABLES["fluid_threshold"](e))
+
+
 def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of the coarse-grained profile, by the name of its function."""
 
@@ -233,12 +238,9 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
     "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
     "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
-    "impact_threshold_linear": lambda e: threshold.line_threshold(
-        "impact_threshold_linear", e.thresholds.get("impact_threshold_linear")
-    ),
-    "threshold_ratio": lambda e: threshold.ratio(
-        "threshold_ratio", e.thresholds.get("impact_threshold"), e.thresholds.get("fluid_threshold")
-    ),
+    threshold.LINE: lambda e: threshold.line_threshold(e.thresholds.get(threshold.LINE)),
+    "threshold_ratio": ratio_of("threshold_ratio", "impact_threshold"),
+    "threshold_ratio_linear": ratio_of("threshold_ratio_linear", "impact_threshold_linear"),
     "threshold_wind_speed": lambda e: threshold.tunnel_speed(
         "threshold_wind_speed", e.thresholds.get("fluid_threshold"), e.tunnel
     ),

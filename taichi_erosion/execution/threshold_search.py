@@ -36,7 +36,7 @@ DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fa
 FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
 TRANSPORT = ("start", "fall")  # phases in which grains blow
 # measures that ask for the start and the fall
-IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio")
+IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio", "threshold_ratio_linear")
 
 Phase = Literal["ramp", "hold", "start", "fall"]
 

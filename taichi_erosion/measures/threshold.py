@@ -14,7 +14,7 @@ from taichi_erosion.measures.shortfalls import bed_shortfalls
 
 UNIT = "m s-1"
 # thresholds whose measurements hold no bracket
-THRESHOLDS = ("impact_threshold_linear", "threshold_ratio")
+THRESHOLDS = (LINE := "impact_threshold_linear", "threshold_ratio", "threshold_ratio_linear")
 NOT_REACHED = "the search did not get that far"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
@@ -74,11 +74,11 @@ def bracket_threshold(name: str, bracket: Bracket | None) -> Measurement:
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
 
-def line_threshold(name: str, bracket: Bracket | None) -> Measurement:
+def line_threshold(bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1] from a line, which bounds nothing; `sd` is half of the bracket."""
     if bracket is None:
-        return no_measurement(name, UNIT, "too few winds carried grains")
-    return Measurement(name, bracket.middle, 0.5 * (bracket.high - bracket.low), UNIT)
+        return no_measurement(LINE, UNIT, "too few winds carried grains")
+    return Measurement(LINE, bracket.middle, 0.5 * (bracket.high - bracket.low), UNIT)
 
 
 def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
@@ -103,13 +103,12 @@ def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
     return Bracket(sqrt(start - error), sqrt(start + error))
 
 
-def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measurement:
+def ratio(name: str, impact: Measurement, fluid: Measurement) -> Measurement:
     """Impact over fluid threshold of one bed [1]."""
-    if impact is None or fluid is None:
+    if not (impact.n and fluid.n):
         return no_measurement(name, "1", "a threshold is missing")
-    value = impact.middle / fluid.middle
-    sd = value * float(np.hypot(impact.sd / impact.middle, fluid.sd / fluid.middle))
-    return Measurement(name, value, sd, "1")
+    value = impact.value / fluid.value
+    return Measurement(name, value, value * hypot(impact.sd / impact.value, fluid.sd / fluid.value), "1")
 
 
 def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RATIO) -> float:
@@ -159,7 +158,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     lies in its bracket, so the likelihood is the product of the shares between the ends of the brackets; it
     is finite also where outcomes separate. `value` is U, at which half of the beds move, `sd` the standard
     deviation of beds and of what their brackets leave open, and `details` hold the interval from the profile
-    of the likelihood with the limit n ln(1 + t^2 / (n - 1)): Student's for normal beds, as for THRESHOLDS.
+    of the likelihood with the limit n ln(1 + t^2 / (n - 1)): Student's for normal beds, as for means.
     """
     plain = pool(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
@@ -169,12 +168,12 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
     notes = (*plain.notes, CONVERSION.format(**shared)) if "shared_sd" in shared else plain.notes
     plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
-    if plain.name in THRESHOLDS and plain.n > 1:
+    if plain.n < 2:
+        return plain
+    if len(brackets) < 2:
         reach = float(scipy.special.stdtrit(plain.n - 1, 0.5 + 0.5 * CONFIDENCE)) * plain.sd / sqrt(plain.n)
         ends = {"low": plain.value - reach, "high": plain.value + reach, "confidence": CONFIDENCE}
         return replace(plain, details=plain.details | {"interval": ends})
-    if len(brackets) < 2:
-        return plain
     ends = np.log([[b["low"], b["high"]] for b in brackets])
     middle, scale, low, high = logistic_law(ends)
     left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket

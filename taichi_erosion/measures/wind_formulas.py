@@ -2,7 +2,7 @@
 
 Fluid threshold, at which wind moves a bed at rest, with s = rho_s / rho:
 
-    Bagnold (1941)          u*t = 0.1 sqrt((s - 1) g d),    d > 0.2 mm
+    Bagnold (1941)          u*t = 0.1 sqrt((s - 1) g d),    d >= 0.2 mm, NaN below
     Iversen & White (1982)  u*t = A sqrt(s g d),   A = A(Re) sqrt(1 + K / (rho_s g d^2.5)),   Re = u*t d / nu
     Shao & Lu (2000)        u*t^2 = 0.0123 (s g d + G / (rho d)),    G = 3e-4 kg s-2, 1.65e-4 to 5e-4
 
@@ -90,11 +90,17 @@ def settling_speed(sand: Sand) -> float:
 
 
 FLUID: dict[str, Callable[[Sand], float]] = {
-    "Bagnold (1941)": lambda sand: 0.1 * sqrt((sand.ratio - 1.0) * GRAVITY * sand.diameter),
+    "Bagnold (1941)": lambda s: (
+        sqrt(0.01 * (s.ratio - 1.0) * GRAVITY * s.diameter) if s.diameter >= 2e-4 else nan
+    ),
     "Iversen & White (1982)": iversen_white,
     "Shao & Lu (2000)": shao_lu,
 }
 IMPACT: dict[str, Callable[[Sand], float]] = {"Kok et al. (2012)": kok_impact}
+RANGES = {  # of laws that are NaN beyond, and what stands in
+    "Bagnold (1941)": "holds from 0.2 mm on",
+    "Kok et al. (2012)": "hold for quartz of 0.05 to 2 mm in air; fluxes take 0.8 of Iversen & White",
+}
 FLUX: dict[str, Callable[[Sand, float, float], float]] = {  # over rho / g, of sand, u* and u_t
     "Kawamura (1951)": lambda _, u, t: 2.78 * (u - t) * (u + t) ** 2,
     "Owen (1964)": lambda sand, u, t: u * (0.25 + settling_speed(sand) / (3.0 * u)) * (u**2 - t**2),

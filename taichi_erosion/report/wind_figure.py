@@ -34,27 +34,30 @@ def draw_thresholds(frame: Axes, document: Document) -> None:
         values = [law(Sand(float(d), sand["density"])) for d in DIAMETERS]
         frame.plot(1e3 * DIAMETERS, values, line, color=INK, lw=1.0, label=name)
     for name, colour in (("fluid_threshold", BEFORE), ("impact_threshold", AFTER)):
-        value = measures.get(name, {}).get("value") or np.nan
-        bounds = measures.get(name, {}).get("details", {}).get("interval") or {"low": value, "high": value}
-        ends = [[value - bounds["low"]], [bounds["high"] - value]]
+        value, *reach = np.reshape(reaches(measures.get(name, {})), (3, 1))
         label = f"simulated, {name.partition('_')[0]}"
-        frame.errorbar([1e3 * sand["diameter"]], [value], ends, fmt="o", color=colour, label=label)
+        frame.errorbar([1e3 * sand["diameter"]], value, reach, fmt="o", color=colour, label=label)
     scale_axis(frame, "x", 1e3 * DIAMETERS)
     frame.set(xlabel="grain diameter [mm]", ylabel="threshold u* [m/s]")
 
 
 def draw_flux(frame: Axes, document: Document) -> None:
-    """Formulas over rho u*^2, simulated fluxes with the standard errors of beds, and measured ones."""
+    """Formulas over rho u*^2, simulated fluxes with their intervals, and measured ones with their scatter."""
     sand, winds = Sand(document["sand"]["diameter"], document["sand"]["density"]), document["winds"]
     line_winds = np.linspace(0.1, 1.05 * max(winds), 80)
     for name, line in zip(FLUX, LINES, strict=False):
         flux = [1e3 * flux_by(name, sand, float(wind)) for wind in line_winds]
         frame.plot(sand.air_density * line_winds**2, flux, line, color=INK, lw=1.0, label=name)
-    runs = (document["runs"].get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {}) for wind in winds)
+    runs = [document["runs"].get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {}) for wind in winds]
     for rows, mark, color in ((document["measured"], "s", BEFORE), (runs, "o", AFTER)):
-        points = [(each.get("value") or np.nan, each.get("sd") or 0.0, each.get("n") or 1) for each in rows]
-        value, sd, n = np.array(points).T
-        stress = sand.air_density * np.array(winds) ** 2
-        error, label = 1e3 * sd / np.sqrt(n), "simulated" if mark == "o" else "measured"
-        frame.errorbar(stress, 1e3 * value, error, fmt=mark, color=color, label=label)
+        value, *reach = 1e3 * np.array(list(map(reaches, rows))).T
+        label = "simulated" if mark == "o" else "measured"
+        frame.errorbar(sand.air_density * np.square(winds), value, reach, fmt=mark, color=color, label=label)
     frame.set(xlabel="stress of the wind [Pa]", ylabel="flux [g/(m s)]")
+
+
+def reaches(measure: Document) -> tuple[float, float, float]:
+    """Value, and how far its 95 % interval over beds, else its deviation, reaches below and above."""
+    value, sd = measure.get("value") or np.nan, measure.get("sd") or 0.0
+    bounds = measure.get("details", {}).get("interval") or {"low": value - sd, "high": value + sd}
+    return value, value - bounds["low"], bounds["high"] - value

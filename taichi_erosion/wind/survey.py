@@ -160,12 +160,16 @@ def run_survey(
 
 def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> dict[str, Any]:
     """Run a scene; groups of beds with fresh seeds follow, up to MOST_BEDS, until a threshold is precise."""
-    document, count = run_scene(path, RunOptions(no_record=True, progress=report)), survey.beds
-    while count < MOST_BEDS and departure(document, survey.precise) > precision:
+    count, beds, most = 0, survey.beds, MOST_BEDS if isfinite(precision) else survey.beds
+
+    def part(share: float, words: str) -> None:
+        report((count + share * beds) / max(most, beds), words)
+
+    document = run_scene(path, RunOptions(no_record=True, progress=part))
+    while (count := count + beds) < MOST_BEDS and departure(document, survey.precise) > precision:
         seed, beds = document["seed"] + count, min(survey.beds, MOST_BEDS - count)
-        count += beds
         with suppress(SimulationStopped):  # of all beds of a group, which then adds nothing
-            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report))
+            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=part))
             replicas = [*document["replicas"], *more["replicas"]]
             document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
             for name in document["measures"]:  # shortfalls belong to sets of beds

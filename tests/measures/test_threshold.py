@@ -1,7 +1,8 @@
 """Thresholds of several beds, and the wind speed of a tunnel."""
 
 import csv
-from math import log
+from dataclasses import replace
+from math import hypot, log
 from pathlib import Path
 
 import numpy as np
@@ -54,8 +55,8 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
     assert np.log(found["high"] / found["low"]) == pytest.approx(2.0 * half, rel=0.25)
 
 
-def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
-    lines = [line_threshold("impact_threshold_linear", Bracket(u, u + 0.04)) for u in (0.13, 0.14, 0.15)]
+def test_lines_and_fluxes_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
+    lines = [line_threshold(Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
     assert lines[0].sd == pytest.approx(0.02)
     pooled = pool_beds(lines)
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
@@ -64,6 +65,7 @@ def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing()
     half = student.ppf(0.975, 2) * pooled.sd / np.sqrt(3)
     ends = pooled.details["interval"]
     assert (ends["low"], ends["high"]) == pytest.approx((pooled.value - half, pooled.value + half))
+    assert pool_beds([replace(each, name="flux") for each in lines]).details["interval"] == ends
     assert "interval" not in pool_beds(lines[:1]).details
 
 
@@ -80,10 +82,13 @@ def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_er
 
 
 def test_what_has_no_value_has_none():
-    fluid = Bracket(0.24, 0.26)
-    assert ratio("threshold_ratio", Bracket(0.19, 0.21), fluid).value == pytest.approx(0.8, rel=0.01)
-    assert ratio("threshold_ratio", None, fluid).n == 0
-    assert line_threshold("impact_threshold_linear", None).n == 0
+    brackets = {"fluid": Bracket(0.24, 0.26), "impact": Bracket(0.19, 0.21), "none": None}
+    fluid, impact, none = (bracket_threshold(name, bracket) for name, bracket in brackets.items())
+    line = ratio("threshold_ratio_linear", line_threshold(brackets["impact"]), fluid)
+    assert ratio("threshold_ratio", impact, fluid).value == pytest.approx(0.8, rel=0.01)
+    assert (line.value, line.sd) == pytest.approx((0.8, 0.8 * hypot(0.05, 0.0231)), rel=0.01)
+    assert ratio("threshold_ratio", none, fluid).n == 0
+    assert line_threshold(None).n == 0
     # a line needs four winds that blow, and a threshold
     tail = [(0.5, 1.0), (0.4, 0.6), (0.3, 0.3), (0.25, 0.01), (0.2, 0.001)]
     for winds in (tail, [(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)], []):

@@ -73,6 +73,7 @@ def test_fluid_thresholds_are_those_of_other_codes():
     """0.25 mm: by hand, by Martin & Kok's public code with its air, and by Shao & Lu in cgs units."""
     laws, sand = wind_formulas.FLUID, Sand(0.25 * MM)
     assert laws["Bagnold (1941)"](sand) == pytest.approx(0.23028, rel=1e-4)
+    assert isnan(laws["Bagnold (1941)"](Sand(0.18 * MM)))  # it holds from 0.2 mm on
     air = Sand(0.25 * MM, air_density=1.2, viscosity=1.8365e-5 / 1.2)  # its g is 9.8 m s-2
     assert laws["Iversen & White (1982)"](air) == pytest.approx(0.27548, rel=5e-4)
     assert laws["Shao & Lu (2000)"](sand) == pytest.approx(0.27804, rel=1e-4)

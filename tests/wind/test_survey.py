@@ -142,6 +142,19 @@ def test_beds_are_added_until_a_threshold_is_known(share, told, tmp_path, monkey
     assert main([*words, "5"]) == 2  # no share
 
 
+def test_the_progress_of_groups_of_beds_never_goes_back(tmp_path, monkeypatch):
+    def run(path, options):
+        for share in (0.5, 1.0):
+            options.progress(share, "")
+        return {"seed": 1, "replicas": [], "measures": {}, "wall_s": 1.0}
+
+    shares: list[float] = []
+    monkeypatch.setattr(wind_survey, "run_scene", run)
+    wind_survey.run_beds(tmp_path, Survey(SAND, (), beds=7), 0.01, lambda share, _: shares.append(share))
+    assert shares == sorted(shares)
+    assert (len(shares), shares[-1]) == (12, 1.0)
+
+
 def test_a_row_without_a_scatter_states_none():
     survey = Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),))
     assert "sd" not in survey.measured_at(0.3)

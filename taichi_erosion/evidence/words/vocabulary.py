@@ -33,6 +33,7 @@ QUANTITIES = {  # observables, conditions and numbers that say little by their k
     "threshold_u_star": "threshold friction velocity",
     "impact_threshold_linear": "impact threshold (extrapolated)",
     "threshold_ratio": "impact over fluid threshold",
+    "threshold_ratio_linear": "impact over fluid threshold (extrapolated)",
     "u_star": "friction velocity",
     "friction_sliding": "sliding friction",
     "friction_rolling": "rolling friction",

@@ -28,7 +28,7 @@ from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Th
 
 FROM_THRESHOLDS = (
     *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
-    *("impact_threshold", "impact_threshold_linear", "threshold_ratio"),
+    *("impact_threshold", "impact_threshold_linear", "threshold_ratio", "threshold_ratio_linear"),
 )
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
 UNDER_WIND = (*("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress"), *SPLASH)  # means
