@@ -28,7 +28,6 @@ NUMBERED = re.compile(
     r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$",
     re.IGNORECASE,
 )
-MOST = 4  # conditions that no model reads
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
@@ -68,8 +67,6 @@ def no_conditions(
     others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
         reason = why_no_condition(heading, values, results, others, number_sets([set_ups]))
-        if not reason and len(others) - len(conditions) == MOST:
-            reason = f"{MOST} others are kept"
         if reason:
             why[heading] = reason
         else:
@@ -88,9 +85,10 @@ def why_no_condition(
     A column with many values that differs between repeats, and that these do not follow, is no condition
     where another one varies.
     """
-    if not np.isfinite(values).all():
-        return "it is not known in every row"
-    distinct = np.unique(values)
+    distinct, rest = np.unique(values), number_sets([*others.values(), set_ups])
+    if np.isnan(values).any():  # a blank cell may stand for none of it
+        tells = any(acts(np.nan_to_num(values), each, rest) for each in results)
+        return "" if tells else "it is not known in every row"
     whole = bool(np.all(values == np.round(values)))
     if distinct.size == 1:
         return "it is the same in all rows"
@@ -104,7 +102,6 @@ def why_no_condition(
         return AGAIN
     if same := [text for text, other in others.items() if is_again(values, other) or follows(values, other)]:
         return f"it changes with '{same[0]}' alone"
-    rest = number_sets([*others.values(), set_ups])
     many = distinct.size > values.size / 2 and differs_within(values, rest)
     if many and np.ptp(rest) > 0.0 and not any(acts(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"

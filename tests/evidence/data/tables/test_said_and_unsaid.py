@@ -178,6 +178,19 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert any(words in each for each in assumed)
 
 
+def test_rows_that_differ_in_any_column_that_acts_are_no_repeats(tmp_path):
+    """None of six factors is dropped; one with blank cells that the angle follows is asked."""
+    doses = "".join(f"{w},{x},{30 + w + 0.3 * (x or 0):.1f}\n" for w in (0, 2, 4, 6) for x in ("", 5, 10))
+    assert "'gum (g)' is blank in 4 rows" in refused(
+        tmp_path, f"moisture (%),gum (g),repose angle (°)\n{doses}"
+    )
+    factors = np.array([[(k >> bit) & 1 for bit in range(6)] for k in range(64)])
+    lines = [",".join([*map(str, row), f"{30 + row @ [1, 2, 0.5, 3, 1.5, 4]:.1f}"]) for row in factors]
+    text = "friction,bounce,modulus,poisson,rolling,energy,angle of repose (deg)\n" + "\n".join(lines)
+    assert "no measurement is repeated" in refused(tmp_path, text)
+    assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions) == 6
+
+
 def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
     humidity = np.array([36.0, 49, 66, 82, 34, 51, 63, 79, 35, 52, 64, 81])
     salt = np.repeat([0.0, 1.0, 2.0], 4)
