@@ -27,6 +27,7 @@ INTERVAL = re.compile(rf"{LOW}{TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
 BASE = r"[x×X*·⋅∙]\s*10\s*(?:(?:\^|\*\*)\s*\(?|\(?(?=[-+]))"  # of a power of ten
 POWER = re.compile(rf"(?<=\d)\s*(?:{BASE}([-+]?\d+)\)?|[eE]\s*([-+]\d+))(?!\d)")
 RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
+UP_TO = re.compile(r"^(?:bis(?: zu)?|up to|jusqu'à|hasta|fino a|até|до)\s+(?=\d)", re.IGNORECASE)  # a limit
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATE = re.compile(
     rf"\d{{1,4}}[./-]\d{{1,2}}[./-]\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
@@ -50,7 +51,9 @@ class CellNumber:
 
 def plain_cell(text: str) -> str:
     """A cell with one kind of minus and of limits, and powers of ten as `5.7e-1`."""
-    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
+    raised = RAISED.sub(
+        lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", UP_TO.sub("<", text.strip())
+    )
     return POWER.sub(lambda power: f"e{power[1] or power[2]}", raised.translate(SIGNS))
 
 
@@ -123,6 +126,8 @@ def reason(plain: str) -> str:
         return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
     if re.match(r"[~≈∼?(]|(?:ca|c|approx|about|etwa|rund|env|um)\b", plain, re.I) or plain.endswith("?"):
         return "is no certain number: write the number alone, and behind ± how well it is known"
+    if re.match(rf"{NUMBER} ?[(\[]", plain):
+        return "has a bracket behind it: write the number alone; its scatter needs a column 'SD' or 'SE'"
     return (
         "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
     )

@@ -260,6 +260,8 @@ def with_one_heading(rows: Lines) -> Lines:
     filled = [cell for cell in below if cell]
     units = all(map(unit_in, map(without_brackets, filled)))
     numbers = any(has_digit([cell]) and is_quantity(cell) for cell in filled)
+    if len(above) < len(filled) == filled_width(below) and not units and not numbers:
+        return with_one_heading(rows[1:])  # above all headings stands a remark with a separator in it
     merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
     if merged and filled == [str(k + 1) for k in range(len(filled))]:
         return [(line, above), *others]  # numbers of repeats

@@ -1,11 +1,11 @@
 """Numbers of cells: powers of ten, ranges, marks of significance, and numbers of a law."""
 
-from math import atan, degrees, nan
+from math import atan, degrees, inf, nan
 
 import pytest
 
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
-from taichi_erosion.tables.spreadsheet import Cells, write_out
+from taichi_erosion.tables.spreadsheet import Cells, with_one_heading, write_out
 
 
 @pytest.mark.parametrize(
@@ -16,6 +16,7 @@ from taichi_erosion.tables.spreadsheet import Cells, write_out
         ("2·10³", 2000.0, 0.0, ""),
         ("1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)", 1.5e-3, 0.0, "kg/(m s)"),
         ("1\u2009200", 1200.0, 0.0, ""),
+        *((text, 90.0, -inf, "") for text in ("bis 90", "up to 90")),
         ("5 wt%", 5.0, 0.0, "%"),
         *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13")),
         *((text, 0.34, 0.09, "mm") for text in ("0.43-0.25 mm", "0.43 mm - 0.25 mm")),
@@ -72,6 +73,20 @@ def test_a_number_that_no_law_turns_has_a_unit_that_nobody_knows(heading, cell, 
 def test_the_scatter_of_a_number_of_a_law_follows_its_slope():
     (_, (text,)) = write_out(Cells("f", ((0, ("moisture (% w.b.)",)), (1, ("20 ± 1",))))).lines[0]
     assert read_cell(text, comma=False).sd == pytest.approx(1.5625)
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "first"),
+    [
+        (["J. Fluid Mech. 625, 47", "2500 kg/m3"], ["d (mm)", "u*t (m/s)", "SD"], "d (mm)"),  # a remark
+        (["angle", "", ""], ["mean", "SD", "n"], "angle mean"),  # merged, as a spreadsheet exports it
+        (["d", "u*t"], ["mm", "m/s", "m/s"], "d [mm]"),
+        (["sand", "angle"], ["", "mean", "SD"], "sand"),
+    ],
+)
+def test_a_line_above_the_headings_is_a_remark_or_a_part_of_them(above, below, first):
+    rows = with_one_heading([(1, above), (2, below), (3, ["0.2", "0.3", "0.1"])])
+    assert rows[0][1][0] == first
 
 
 def test_letters_of_a_set_up_are_no_marks():
