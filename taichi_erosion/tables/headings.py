@@ -91,7 +91,8 @@ def read_heading(text: str) -> Heading:
         inner = next(part for part in match.groups() if part is not None).strip()
         inner_unit, words = unit_and_words(inner)
         if inner_unit and not unit:
-            unit, bare = inner_unit, bare.replace(match[0], f" ({words}) " if words else " ")
+            unit, inner = inner_unit, f" ({words}) " if words and words not in text[: match.start()] else " "
+            bare = bare.replace(match[0], inner)
         elif not inner_unit and (match["round"] is None or looks_like_unit(inner)):
             unreadable, bare = inner, bare.replace(match[0], " ")
     if not unit and not unreadable:
@@ -309,7 +310,7 @@ def of_another(heading: str) -> bool:
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
     remainder, meant = left_words(heading.name), longest_word(heading.name, *KINDS)[2]
-    for word in vocabulary()["laws"].get(heading.law, ()):
+    for word in (*vocabulary()["laws"].get(heading.law, ()), *vocabulary()["again"].get(meant, ())):
         remainder = re.sub(occurrence(word), " ", remainder)
     scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meant, "everywhere")]
     scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
@@ -339,7 +340,7 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     called = plain_words(heading.name)
     for name, symbols in vocabulary()["symbols"].items():
         symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
-        for letter, unit in (symbol.split(" ", 1) for symbol in symbols):
+        for letter, unit in (symbol.rsplit(" ", 1) for symbol in symbols):
             if not heading.unit or symbol_words != plain_words(letter):
                 continue
             if parse_scale(heading.unit).kind == parse_scale(unit).kind:
@@ -378,7 +379,7 @@ def near_meaning(heading: str, bare: bool = False) -> str:
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
     named_first = [name for name, texts in several if has_word(heading, texts)]
-    letters = ((each.split(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
+    letters = ((each.rsplit(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
     named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
     likeness = {
         word: name
@@ -394,9 +395,10 @@ def near_meaning(heading: str, bare: bool = False) -> str:
 
 
 def is_misspelt(text: str, word: str) -> bool:
-    """Whether a text may be a known word, misspelt in each of its words."""
+    """Whether a text may be a known word, of which each word is misspelt, behind its first letter, by one."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
-    return all(get_close_matches(one, [other], cutoff=NEAR) for one, other in pairs)
+    alike = ((a, b) for a, b in pairs if a[:1] == b[:1] and abs(len(a) - len(b)) < 2)
+    return sum(bool(get_close_matches(a, [b], cutoff=NEAR)) for a, b in alike) == len(pairs)
 
 
 def holds_value(heading: Heading) -> bool:

@@ -1,6 +1,7 @@
 """What a column of numbers is that no model reads: a condition, a count, years, a result, or another one."""
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -49,7 +50,9 @@ def is_height(heading: Heading) -> bool:
 
 def own_name(heading: str, others: Sequence[str], place: int) -> str:
     """Name of letters, digits and _ for a column, another one than some: `salt_content`."""
-    plain = re.sub(r"[^a-z0-9]+", "_", plain_words(heading)).strip("_")[:40]
+    latin = re.sub("µ|μ(?=[a-z])", "u", plain_words(heading))  # `63 µm`; other letters by their names
+    latin = re.sub("[α-ω]", lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
+    plain = re.sub(r"[^a-z0-9]+", "_", latin).strip("_")[:40]
     return plain if plain[:1].isalpha() and plain not in others else f"column_{place + 1}"
 
 

@@ -10,7 +10,9 @@ from taichi_erosion.tables.headings import (
     qualifiers,
     read_heading,
 )
+from taichi_erosion.tables.number_columns import own_name
 
+RHO = "\N{GREEK SMALL LETTER RHO}"
 READ = """
 flux: flux (g/(m s)) -> g/(m s); sand flux g·m^-1·s^-1 -> g·m^-1·s^-1; Q (kg m⁻¹ s⁻¹) -> kg m⁻¹ s⁻¹
 flux: flux in kg/(m h) -> kg/(m h)
@@ -18,10 +20,13 @@ repose_angle: Winkel der Böschung 1/° -> °; angle of repose (o) -> deg
 repose_angle: angle of repose, mean ± SD (deg.) -> deg; AoR of 5 tests ° -> °
 repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
 threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
+threshold_u_star: u*tR (m/s) -> m/s; critical u*t (m/s) -> m/s; 临界起沙摩阻风速 (m/s) -> m/s
+conditions.friction_velocity: ust (m/s) -> m/s
+grains.size.diameter: d [mm] -> mm
 conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moisture wt.% -> %
 conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water content (g 100 g-1) -> %
 conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
-grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; d [mm] -> mm
+grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; Md (mm) -> mm
 conditions.width: cell thickness (mm) -> mm
 conditions.roughness_length: aerodynamic roughness length z₀ (mm) -> mm
 conditions.spread: d90/d50 (-) -> 1
@@ -37,6 +42,7 @@ maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
 funnel diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g); bulk density (g/cm3)
+days after spraying (d); Kontaktwinkel (°); element height (mm)
 """
 
 
@@ -68,6 +74,24 @@ def test_a_word_that_makes_another_quantity_is_seen(text):
 def test_a_quantity_of_another_thing_is_not_read_and_not_mistaken(text):
     name = read_heading(text).name
     assert (meaning_of(name)[0], near_meaning(name)) == ("unknown", "")
+
+
+def test_a_letter_with_a_unit_of_another_quantity_has_no_meaning_of_its_own():
+    assert {meaning_of_symbol(read_heading(text))[0] for text in (f"{RHO} (g/cm3)", "d (g)")} == {"unknown"}
+    assert near_meaning(RHO) == "materials.soil.density"
+
+
+def test_a_heading_that_says_volumetric_is_not_given_the_word_again():
+    assert read_heading("x (m3/m3)").name == "x (volumetric)"
+    assert read_heading("x_volumetric [m3/m3]").name == "x_volumetric"
+
+
+@pytest.mark.parametrize(
+    ("heading", "name"),
+    [("Γ", "gamma"), ("θ_s", "theta_s"), ("fines < 63 µm", "fines_63_um"), ("植被盖度", "column_3")],
+)
+def test_a_column_has_a_name_that_its_owner_knows_again(heading, name):
+    assert own_name(heading, [], 2) == name
 
 
 def test_words_that_change_nothing_and_are_not_known_are_told():
