@@ -127,7 +127,7 @@ def reason(plain: str) -> str:
     if re.match(r"[~≈∼?(]|(?:ca|c|approx|about|etwa|rund|env|um)\b", plain, re.I) or plain.endswith("?"):
         return "is no certain number: write the number alone, and behind ± how well it is known"
     if re.match(rf"{NUMBER} ?[(\[]", plain):
-        return "has a bracket behind it: write the number alone; its scatter needs a column 'SD' or 'SE'"
+        return "has a bracket behind it: write the number alone, or with the sd of single repeats, 31.2 ± 0.8"
     return (
         "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
     )
