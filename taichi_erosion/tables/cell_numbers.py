@@ -51,10 +51,8 @@ class CellNumber:
 
 def plain_cell(text: str) -> str:
     """A cell with one kind of minus and of limits, and powers of ten as `5.7e-1`."""
-    raised = RAISED.sub(
-        lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", UP_TO.sub("<", text.strip())
-    )
-    return POWER.sub(lambda power: f"e{power[1] or power[2]}", raised.translate(SIGNS))
+    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
+    return POWER.sub(lambda power: f"e{power[1] or power[2]}", UP_TO.sub("<", raised.translate(SIGNS)))
 
 
 def cell_word(cell: str) -> str:

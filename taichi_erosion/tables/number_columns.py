@@ -50,7 +50,8 @@ def is_height(heading: Heading) -> bool:
 
 def own_name(heading: str, others: Sequence[str], place: int) -> str:
     """Name of letters, digits and _ for a column, another one than some: `salt_content`."""
-    latin = re.sub("µ|μ(?=[a-z])", "u", plain_words(heading))  # `63 µm`; other letters by their names
+    signs = plain_words(heading).replace("<", " below ").replace(">", " above ")
+    latin = re.sub("μ(?=[a-z])", "u", signs)  # of `µm`; other Greek letters are called by their names
     latin = re.sub("[α-ω]", lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
     plain = re.sub(r"[^a-z0-9]+", "_", latin).strip("_")[:40]
     return plain if plain[:1].isalpha() and plain not in others else f"column_{place + 1}"
@@ -73,7 +74,7 @@ def no_conditions(
         if reason:
             why[heading] = reason
         else:
-            others[heading] = values
+            others[heading] = np.nan_to_num(values)
     if lone := [text for text, reason in why.items() if reason == AGAIN and not others]:
         remedy = f"say --condition '{stem(lone[0])}=UNIT' where it was set, or begin its heading with 'note'"
         raise BadInput(f"column '{lone[0]}': {AGAIN}, and nothing else varies; {remedy}")

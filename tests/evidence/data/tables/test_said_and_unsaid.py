@@ -179,11 +179,8 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
 
 
 def test_rows_that_differ_in_any_column_that_acts_are_no_repeats(tmp_path):
-    """None of six factors is dropped; one with blank cells that the angle follows is asked."""
-    doses = "".join(f"{w},{x},{30 + w + 0.3 * (x or 0):.1f}\n" for w in (0, 2, 4, 6) for x in ("", 5, 10))
-    assert "'gum (g)' is blank in 4 rows" in refused(
-        tmp_path, f"moisture (%),gum (g),repose angle (°)\n{doses}"
-    )
+    doses = "".join(f"{w};{x};{30 + w + 0.3 * (x or 0):.1f};\n" for w in (0, 2, 4, 6) for x in ("", 5, 10))
+    assert "'gum (g)' is blank in 4 rows" in refused(tmp_path, SALT.format("gum (g)") + doses)
     factors = np.array([[(k >> bit) & 1 for bit in range(6)] for k in range(64)])
     lines = [",".join([*map(str, row), f"{30 + row @ [1, 2, 0.5, 3, 1.5, 4]:.1f}"]) for row in factors]
     text = "friction,bounce,modulus,poisson,rolling,energy,angle of repose (deg)\n" + "\n".join(lines)
@@ -205,6 +202,7 @@ def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
     ("plain", "heading", "words"),
     [
         ("SD", "± 95 % confidence", "an interval of the mean is no scatter"),
+        ("SD", "95% CI", "an interval of the mean is no scatter"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
     ],
