@@ -81,7 +81,9 @@ def insert(session: Session, count: str, *where: str) -> str:
 
 
 def remove(session: Session, *numbers: str) -> str:
-    live.remove(session, *(int(number) if number.isdigit() else -1 for number in numbers))
+    if not all(map(str.isdigit, numbers or [""])):
+        raise BadInput(f"usage: {usage('remove')}")
+    live.remove(session, *map(int, numbers))
     return status(session)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
+from math import nan
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -133,7 +134,8 @@ class LiveSession:
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str | None = None) -> "LiveSession":
         """Let grains in at a place [m], through an inlet, or all inlets. Raises BadInput."""
-        sessions.insert(self.session, count, (at[0], at[1], at[2]) if len(at) else None, inlet)
+        x, y, z = at if len(at) == 3 else (nan, nan, nan)
+        sessions.insert(self.session, count, (float(x), float(y), float(z)) if len(at) else None, inlet)
         return self
 
     def remove(self, *numbers: int) -> "LiveSession":

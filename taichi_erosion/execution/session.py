@@ -279,8 +279,9 @@ def insert(session: Session, count: int, at: Triple | None = None, inlet: str | 
 
 def remove(session: Session, *numbers: int) -> None:
     """Take grains out by their numbers. Raises BadInput for one that is not there, and for clumps."""
-    if not set(numbers) <= set(simulation.snapshot(session.sim, 0).ident) or session.sim.world.has_clumps:
-        raise BadInput("remove: numbers of spheres that are there; a clump stays whole")
+    missing = set(numbers) - set(simulation.snapshot(session.sim, 0).ident.tolist())
+    if missing or session.sim.world.has_clumps:
+        raise BadInput(f"remove: no sphere of its own has the number {min(missing or numbers)}")
     keep_state(session, is_due=True)
     state = without_grains(simulation.export_state(session.sim), 0, numbers)
     adopt(session, session.sim, state, f"remove {' '.join(map(str, numbers))}")

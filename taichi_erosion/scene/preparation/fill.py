@@ -14,7 +14,7 @@ from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.scene.preparation import sizes
 from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
-from taichi_erosion.scene.schema.fields import Vector, unit_vector
+from taichi_erosion.scene.schema.fields import FARTHEST, Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -70,6 +70,8 @@ def inlets_from(scene: Scene, time: float, at: Vector | None, name: str | None, 
     Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
     """
     wide = sizes.reach_over_diameter(scene.grains) * sizes.size_range(scene.grains)[1]
+    if at is not None and not np.all(np.abs(at) < FARTHEST):
+        raise BadInput("insert: a place has coordinates x, y, z in m")
     if at is not None:
         return Pour(law="pour", centre=at, radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
     parts, g = scene.fill.parts if isinstance(scene.fill, Pour) else {}, scene.gravity.magnitude
