@@ -70,8 +70,6 @@ class KnownFailure(NamedTuple):
 KNOWN = (
     # 2.64 +- 0.03 from nine fillings, and two standard errors
     KnownFailure("V33", "Beverloo, round holes", 2.58, 2.70),
-    # 0.53, and the 95 % interval of the fluid threshold of five beds, 0.298 to 0.343 m/s
-    KnownFailure("V39", "impact over fluid threshold", 0.49, 0.58),
     # 1.24 and 1.23 in the winds that fail; means of three beds scatter by 0.09
     KnownFailure("V36", "stress of the air at 3 beds of 0.5 mm", 1.0, 1.45),
     # 0.77 under this lid, 0.72 under one at 200 diameters; other beds of 0.24 mm have 0.71 at 0.56 m/s
