@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import pandas as pd
 
 from taichi_erosion.campaign import calibration_steps as calculate
-from taichi_erosion.campaign.calibration_steps import STAGES, Climb, DesignRunner, ResponseSurface, Screening
+from taichi_erosion.campaign.calibration_steps import STAGES, Climb, DesignRunner, ResponseSurface
 from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, with_entry
@@ -45,7 +45,6 @@ class Calibration:
 
     file: CalibrationStudy
     document: Document = field(default_factory=dict)
-    screening: Screening | None = None
     climb: Climb | None = None
     surface: ResponseSurface | None = None
     optimum: Optimisation | None = None
@@ -114,7 +113,7 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
 def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
     document, labels = calibration.document, calibration.file.labels
-    screening = calibration.screening = calculate.screen(runner)
+    screening = calculate.screen(runner)
     write_design(calibration, "screen", screening.design)
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:

@@ -85,7 +85,7 @@ def parents(term: Term) -> set[Term]:
     return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
 
 
-def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
+def model_matrix(coded: ArrayLike, terms: Sequence[Term]) -> Floats:
     """Constant and terms at coded points, [runs, 1 + terms]."""
     points = np.atleast_2d(np.asarray(coded, dtype=float))
     powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
@@ -145,11 +145,11 @@ class Fit:
 
     def predict(self, coded: ArrayLike) -> Floats:
         """Response at coded points, [points]."""
-        return model_matrix(np.asarray(coded, dtype=float), self.terms) @ self.coefficients
+        return model_matrix(coded, self.terms) @ self.coefficients
 
     def leverage(self, coded: ArrayLike) -> Floats:
         """Variance of the predicted mean over the variance of a single run [1]."""
-        matrix = model_matrix(np.asarray(coded, dtype=float), self.terms)
+        matrix = model_matrix(coded, self.terms)
         return np.einsum("ij,jk,ik->i", matrix, self.unscaled_covariance, matrix)
 
     @cached_property
@@ -159,7 +159,7 @@ class Fit:
 
     def interval(self, coded: ArrayLike) -> Floats:
         """Interval of 95 % for the true mean at coded points, [points, 2]."""
-        matrix = model_matrix(np.asarray(coded, dtype=float), self.terms)
+        matrix = model_matrix(coded, self.terms)
         return np.asarray(self.results.get_prediction(matrix).conf_int())
 
 

@@ -210,7 +210,7 @@ def release_grain(world_out: ti.template(), r, rank):
 
 
 @ti.func
-def is_due(world: ti.template(), r, rank):
+def is_release_due(world: ti.template(), r, rank):
     """Whether a grain waits that would get place `rank`, and its release step has come."""
     (replicas,) = ti.static((world.replicas,))
     ident = rank + replicas.removed[r]
@@ -223,7 +223,7 @@ def release_grains(world_out: ti.template(), r):
     """Append the grains whose release step has come to the valid side, with empty lists."""
     (replicas_out,) = ti.static((world_out.replicas,))
     count = replicas_out.released[r]
-    while is_due(world_out, r, count):
+    while is_release_due(world_out, r, count):
         release_grain(world_out, r, count)
         count += 1
     replicas_out.released[r] = count

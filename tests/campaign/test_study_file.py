@@ -57,24 +57,18 @@ def test_one_file_is_a_calibration_and_an_evidence_study(tmp_path):
     assert calibration.measure("angle") == "repose_angle"
 
 
-@pytest.mark.parametrize("read", [read_calibration_study, read_evidence_study])
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
-        ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
-        ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
-    ],
-)
-def test_both_refuse_the_same_wrong_entries(tmp_path, read, old, new, said):
-    with pytest.raises(BadInput) as refusal:
-        read(written(tmp_path, BOTH.replace(old, new)))
-    assert said in str(refusal.value)
+WRONG = [  # what both refuse
+    ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
+    ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
+    ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
+]
 
 
 @pytest.mark.parametrize(
     ("read", "old", "new", "said"),
     [
+        *((read_calibration_study, *entry) for entry in WRONG),
+        *((read_evidence_study, *entry) for entry in WRONG),
         (read_calibration_study, TARGETS, "", "[targets] is missing"),
         (read_calibration_study, '"heap.csv"', '"heap.csv"\nmodel = "m:f"', "exactly one must answer"),
         (read_calibration_study, SCENE_ANSWERS, MODEL_ANSWERS, "study.model answers evidence studies alone"),
@@ -84,7 +78,7 @@ def test_both_refuse_the_same_wrong_entries(tmp_path, read, old, new, said):
         (read_evidence_study, "least = 0.1", 'also = ["d"]', "c.also is read by a calibration alone"),
     ],
 )
-def test_each_command_says_what_it_lacks_or_does_not_read(tmp_path, read, old, new, said):
+def test_wrong_entries_and_what_a_command_lacks_or_does_not_read_are_named(tmp_path, read, old, new, said):
     with pytest.raises(BadInput) as refusal:
         read(written(tmp_path, BOTH.replace(old, new)))
     assert said in str(refusal.value)

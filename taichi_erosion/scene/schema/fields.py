@@ -85,10 +85,10 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
-def times(value: Any, factor: float) -> Any:
+def multiply(value: Any, factor: float) -> Any:
     """A number, or a list of numbers, multiplied; None for anything else."""
     if isinstance(value, tuple):
-        parts = tuple(times(entry, factor) for entry in value)
+        parts = tuple(multiply(entry, factor) for entry in value)
         return None if None in parts else parts or None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
@@ -127,7 +127,7 @@ class Section(BaseModel):
         diameter: float | None = (about.context or {}).get(DIAMETER)
         converted = {}
         for key, value in table.items():
-            scaled = times(value, diameter) if diameter else None
+            scaled = multiply(value, diameter) if diameter else None
             name = cls.scaled_name(str(key)) if scaled is not None else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")

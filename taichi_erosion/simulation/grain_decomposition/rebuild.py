@@ -22,7 +22,7 @@ from taichi_erosion.grains.cells import (
 from taichi_erosion.grains.clumps import locate_spheres
 from taichi_erosion.grains.neighbour_list import entry_block, entry_number
 from taichi_erosion.grains.neighbour_search import (
-    is_due,
+    is_release_due,
     move_grain,
     release_grain,
     search_grain,
@@ -51,7 +51,7 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
     begin, before = k * buffers_out.grain_chunk, replicas_out.released[r]
     end, lost, leaving = begin, 0, 0
     for rank in range(begin, ti.min(begin + buffers_out.grain_chunk, replicas_out.total[r])):
-        if rank < before or is_due(world_out, r, rank):
+        if rank < before or is_release_due(world_out, r, rank):
             if rank >= before:
                 release_grain(world_out, r, rank)
             fault, _ = position_fault(world_out, r, rank)
@@ -292,7 +292,7 @@ def release_at_start(world_out: ti.template()):
     """
     for n in range(world_out.replicas.count * world_out.grains.capacity):
         r, rank = n // world_out.grains.capacity, n % world_out.grains.capacity
-        if is_due(world_out, r, rank):
+        if is_release_due(world_out, r, rank):
             release_grain(world_out, r, rank)
             ti.atomic_max(world_out.replicas.bounds[r, 1], rank + 1)
     for r in range(world_out.replicas.count):
