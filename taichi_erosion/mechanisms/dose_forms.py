@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taichi_erosion.core.setup import Floats
+
 Conditions = Mapping[str, Floats]  # columns by name
 
 SIZES = (("diameter", "d"), ("u_star", "friction_velocity"))  # names of columns

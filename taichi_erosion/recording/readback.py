@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.stream import CONTACT_VECTORS, CONTACTS
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from rerun.chunk import Chunk
 
 Singles = NDArray[Any]  # single precision, or double of a state that was not recorded
-Integers = NDArray[np.int32]
 
 NANOSECOND = 1e-9  # s, unit of rerun's durations
 SUFFIX = ".rrd"

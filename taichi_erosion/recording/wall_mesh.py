@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup, Triple
+from taichi_erosion.core.setup import Floats, Integers, PrimitiveKind, Setup, Triple
 
-Integers = NDArray[np.int32]
 Box = tuple[Triple, Triple]
 
 SEGMENTS = 48  # facets of a full turn [1]; the chord stays within 0.2 % of the radius

@@ -5,14 +5,12 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
 from taichi_erosion.tables.headings import Heading, is_summary, plain_words
-
-Numbers = NDArray[np.float64]
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
@@ -58,9 +56,9 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
 
 
 def no_conditions(
-    columns: Mapping[str, Numbers],
-    results: Sequence[Numbers],
-    conditions: Mapping[str, Numbers],
+    columns: Mapping[str, Floats],
+    results: Sequence[Floats],
+    conditions: Mapping[str, Floats],
     set_ups: np.ndarray,
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
@@ -82,7 +80,7 @@ def no_conditions(
 
 
 def why_no_condition(
-    heading: str, values: Numbers, results: Sequence[Numbers], others: Mapping[str, Numbers], set_ups: Numbers
+    heading: str, values: Floats, results: Sequence[Floats], others: Mapping[str, Floats], set_ups: Floats
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
@@ -112,22 +110,22 @@ def why_no_condition(
     return ""
 
 
-def number_sets(columns: Sequence[Numbers]) -> Numbers:
+def number_sets(columns: Sequence[Floats]) -> Floats:
     """Number of each row's set of values; equal for equal sets."""
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel().astype(np.float64)
 
 
-def follows(column: Numbers, other: Numbers) -> bool:
+def follows(column: Floats, other: Floats) -> bool:
     """Whether a column has one value for each value of another one, some of which are repeated."""
     return np.unique(other).size < column.size and not differs_within(column, other)
 
 
-def differs_within(column: Numbers, other: Numbers) -> bool:
+def differs_within(column: Floats, other: Floats) -> bool:
     """Whether a column differs where another one does not."""
     return np.unique(number_sets([other, column])).size > np.unique(other).size
 
 
-def is_again(column: Numbers, other: Numbers) -> bool:
+def is_again(column: Floats, other: Floats) -> bool:
     """Whether a column is a parabola of another one."""
     both = np.isfinite(column) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
@@ -135,7 +133,7 @@ def is_again(column: Numbers, other: Numbers) -> bool:
     return unexplained_share(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
-def restates(column: Numbers, result: Numbers) -> bool:
+def restates(column: Floats, result: Floats) -> bool:
     """Whether a column is computed from a measured quantity: it follows it within their last digits."""
     x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
     if not is_again(x, y):
@@ -148,13 +146,13 @@ def restates(column: Numbers, result: Numbers) -> bool:
     return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))
 
 
-def last_digit(values: Numbers) -> float:
+def last_digit(values: Floats) -> float:
     """Size of the last decimal digit with which numbers are written; 0 where it is beyond the eighth."""
     units = (10.0**-k for k in range(-3, 9))
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
-def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:
+def acts(values: Floats, result: Floats, rest: Floats) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)
     free = int(both.sum()) - np.unique(rest[both]).size - 2
@@ -164,7 +162,7 @@ def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:
     return bool(fdtrc(2, free, (1.0 / max(share, 1e-12) - 1.0) * free / 2.0) < CHANCE)
 
 
-def unexplained_share(y: Numbers, x: Numbers, rest: Numbers) -> float:
+def unexplained_share(y: Floats, x: Floats, rest: Floats) -> float:
     """Share of the variance of y, where all else is the same, that a parabola of x leaves."""
     same = rest[:, np.newaxis] == np.unique(rest)
     x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
