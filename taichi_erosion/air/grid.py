@@ -26,7 +26,7 @@ from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
 from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, is_host, upload, write
+from taichi_erosion.core.transfer import device_record, is_host, upload, write_field
 
 real = ti.f64
 
@@ -218,8 +218,8 @@ def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
     upload([*pairs, (numbers.driving_gradient, [s.driving_gradient for s in setups])])
     velocities = [[s.sides[name].velocity for name in SIDES] for s in setups]
     roughness = [[s.sides[name].roughness for name in SIDES] for s in setups]
-    write(numbers.side_velocity, np.array(velocities, np.float64))
-    write(numbers.side_roughness, np.array(roughness, np.float64))
+    write_field(numbers.side_velocity, np.array(velocities, np.float64))
+    write_field(numbers.side_roughness, np.array(roughness, np.float64))
 
 
 def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
@@ -228,12 +228,12 @@ def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
     height = np.diff(faces, axis=1)
     centre = 0.5 * (faces[:, 1:] + faces[:, :-1])
     low, high = faces[:, :1], faces[:, -1:]
-    write(air.face, np.concatenate([low, faces], axis=1))
-    write(air.centre, np.concatenate([low, centre, high], axis=1))
-    write(air.height, np.pad(height, ((0, 0), (1, 1)), mode="edge"))
+    write_field(air.face, np.concatenate([low, faces], axis=1))
+    write_field(air.centre, np.concatenate([low, centre, high], axis=1))
+    write_field(air.height, np.pad(height, ((0, 0), (1, 1)), mode="edge"))
     ones = np.ones(air.cells[2])
     shapes = [ones if s.inlet_shape is None else s.inlet_shape for s in setups]
-    write(air.inlet_shape, np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
+    write_field(air.inlet_shape, np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
 
 
 def write_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
@@ -245,9 +245,9 @@ def write_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
             whole[: 1 if start.ndim == 1 else 3] = start  # a profile is that of the wind along x
     ghosts = ((0, 0), (1, 1), (1, 1), (1, 1))
     for axis, velocity in enumerate(air.velocities):
-        write(velocity, np.pad(starts[:, axis], ghosts, mode="edge"))
+        write_field(velocity, np.pad(starts[:, axis], ghosts, mode="edge"))
     for full in (air.void_fraction, air.void_before):
-        write(full, 1.0)
+        write_field(full, 1.0)
 
 
 @ti.func

@@ -19,7 +19,7 @@ import numpy as np
 from taichi_erosion.core.air_setup import AirSetup, InletTurbulence
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, write
+from taichi_erosion.core.transfer import device_record, write_field
 
 real = ti.f64
 
@@ -74,8 +74,8 @@ def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
             for table, values in zip(tables, waves or (), strict=False):
                 table[replica, : len(values)] = values
         for field, table in zip((fields.vector, fields.amplitude, fields.phase), tables, strict=True):
-            write(field, table)
-        write(fields.mean_speed, [s.sides["x_low"].velocity[0] for s in setups])
+            write_field(field, table)
+        write_field(fields.mean_speed, [s.sides["x_low"].velocity[0] for s in setups])
     return fields
 
 

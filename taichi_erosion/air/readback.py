@@ -8,7 +8,7 @@ from taichi_erosion.air.turbulence import floor_friction
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import download_field, write
+from taichi_erosion.core.transfer import download_field, write_field
 
 
 @ti.kernel
@@ -73,4 +73,4 @@ def set_velocities(air: Air, replica: int, velocities: tuple[Floats, Floats, Flo
         whole = download_field(field)
         nx, ny, nz = values.shape
         whole[replica, 1 : nx + 1, 1 : ny + 1, 1 : nz + 1] = values
-        write(field, whole)
+        write_field(field, whole)

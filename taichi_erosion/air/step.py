@@ -74,7 +74,7 @@ STAGES = {
 
 
 @ti.func
-def tick(air_out: ti.template(), r):
+def advance_clock(air_out: ti.template(), r):
     """Clock of one replica, advanced by a step."""
     air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
 
@@ -140,7 +140,7 @@ def advance_air(air: Air, steps: int = 1, tolerance: float = TOLERANCE) -> int:
             iterations += advance_stage(air, stage, tolerance)
         if air.model.exchange:
             parallel_columns(store_void_fraction, air)
-        parallel_replicas(tick, air)
+        parallel_replicas(advance_clock, air)
     return iterations
 
 
@@ -246,7 +246,7 @@ def correct_stage(air_out: ti.template(), r, stage):
     each_stage_column(add_stage_exchange, air_out, r, r + 1, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
         each_column(store_void_fraction, air_out, r, r + 1)
-        tick(air_out, r)
+        advance_clock(air_out, r)
 
 
 @ti.kernel

@@ -21,7 +21,7 @@ from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from taichi_erosion import simulation
-from taichi_erosion.api.prompt import execute, moment
+from taichi_erosion.api.prompt import execute, parse_time
 from taichi_erosion.api.session_entries import controls
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
@@ -129,7 +129,7 @@ class Page:
             elif name != "pause":
                 live.raise_failure(self.session)
                 self.until_rest = words == ["until", "rest"]
-                self.goal = moment(self.session, *words) if words and not self.until_rest else inf
+                self.goal = parse_time(self.session, *words) if words and not self.until_rest else inf
                 self.playing = True
         return ""
 

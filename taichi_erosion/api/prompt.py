@@ -50,11 +50,11 @@ def run(session: Session, *time: str) -> str:
     if time == ("until", "rest"):
         is_at_rest = live.run_until_rest(session)
         return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
-    live.run_to(session, moment(session, *time))
+    live.run_to(session, parse_time(session, *time))
     return status(session)
 
 
-def moment(session: Session, *words: str) -> float:
+def parse_time(session: Session, *words: str) -> float:
     """Time [s] that is meant by `0.5s` from now on, or `to 0.5s`. Raises BadInput."""
     start = 0.0 if words[:1] == ("to",) else session.time
     try:
@@ -131,7 +131,7 @@ def save(session: Session, name: str = "last") -> str:
 
 def back(session: Session, name: str = "last", *time: str) -> str:
     if name == "to" and time:
-        live.return_to(session, moment(session, name, *time))
+        live.return_to(session, parse_time(session, name, *time))
     else:
         live.restore(session, name)
     return status(session)
@@ -178,7 +178,7 @@ def script(session: Session, file: str) -> str:
 def help_text(session: Session, path: str = "") -> str:
     if path in COMMANDS:
         return usage(path)
-    return entries.meaning(session, path) if path else HELP
+    return entries.entry_meaning(session, path) if path else HELP
 
 
 def usage(name: str) -> str:
@@ -197,7 +197,7 @@ COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind
     "set": set_entry,
     "insert": insert,
     "remove": remove,
-    "get": lambda session, path: f"{path} = {entries.entry(session, path)}",
+    "get": lambda session, path: f"{path} = {entries.entry_value(session, path)}",
     "measure": measure,
     "plot": plot,
     "watch": watch,

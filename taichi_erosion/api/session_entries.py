@@ -14,7 +14,7 @@ NOT_SET = "not set"  # an entry that a scene lacks
 STEERED = ("wind", "contact", "conditions", "gravity")  # sections of a page, in its order
 
 
-def entry(session: Session, path: str) -> Any:
+def entry_value(session: Session, path: str) -> Any:
     """Value of an entry of the present scene, or the entries below it. Raises BadInput."""
     value: Any = resolve(session.scene)
     for key in path.split("."):
@@ -39,7 +39,7 @@ def differences(session: Session, before: str | None = None, after: str | None =
     return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def meaning(session: Session, path: str) -> str:
+def entry_meaning(session: Session, path: str) -> str:
     """Meaning, unit, default and range of an entry of scenes, of effects too. Raises BadInput."""
     section, _, rest = path.partition(".")
     if section != "effects":
@@ -101,4 +101,4 @@ def controls(session: Session) -> list[dict[str, Any]]:
             rows.append((f"effects.{name}.{param.name}", value, about["unit"], about["low"], about["high"]))
     rows.sort(key=lambda row: (row[1] is None, (*STEERED, "effects").index(row[0].partition(".")[0])))
     names = ("path", "value", "unit", "low", "high", "meaning")
-    return [dict(zip(names, (*row, meaning(session, row[0])), strict=True)) for row in rows]
+    return [dict(zip(names, (*row, entry_meaning(session, row[0])), strict=True)) for row in rows]

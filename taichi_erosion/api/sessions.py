@@ -145,11 +145,11 @@ class LiveSession:
 
     def get(self, path: str) -> Any:
         """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
-        return entries.entry(self.session, path)
+        return entries.entry_value(self.session, path)
 
     def help(self, path: str) -> str:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
-        return entries.meaning(self.session, path)
+        return entries.entry_meaning(self.session, path)
 
     def diff(self, before: str | None = None, after: str | None = None) -> pd.DataFrame:
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.

@@ -55,7 +55,7 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     return fellows[: max(min(max(share, least), most, first.most), 1)]
 
 
-def pace(requests: Mapping[str, RunRequest], wall_times: Mapping[str, float]) -> float:
+def seconds_per_work(requests: Mapping[str, RunRequest], wall_times: Mapping[str, float]) -> float:
     """Seconds of one worker per unit of work, of runs that ended; without any as fast as usual."""
     work, seconds = sum(requests[key].work for key in wall_times), sum(wall_times.values())
     return seconds / work if work > 0.0 and seconds > 0.0 else START / WORTH_A_START
@@ -156,7 +156,7 @@ def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:
     requests = campaign.requests
     now = time.monotonic()
     rest = 0.0
-    second = pace(requests, finished_runs(campaign.ledger, list(requests)))
+    second = seconds_per_work(requests, finished_runs(campaign.ledger, list(requests)))
     for key in remaining:
         start, whole = campaign.starts.get(key, (now, 0.0))
         by_time = min((now - start) / (START + second * whole), NEARLY)

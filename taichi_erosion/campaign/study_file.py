@@ -400,7 +400,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
             is_inline = isinstance(table, InlineTable)  # a comment would hide its end
             set_comment(table[last], "" if is_inline else note)
         result = tomlkit.dumps(document)
-        if entry(result, path) == value:
+        if toml_entry(result, path) == value:
             return result
     except (TOMLKitError, TypeError, ValueError):
         pass
@@ -412,7 +412,7 @@ def set_comment(item: Any, note: str) -> None:
     item.trivia.comment, item.trivia.comment_ws = (f"# {note}", "  ") if note else ("", "")
 
 
-def entry(text: str, path: Sequence[str]) -> Any:
+def toml_entry(text: str, path: Sequence[str]) -> Any:
     """Entry of a TOML text, None where there is none."""
     holder: Any = tomllib.loads(text)
     for key in path:

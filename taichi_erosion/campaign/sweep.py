@@ -70,11 +70,11 @@ def sweep(
         close_ledger(ledger)
     rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
     return [
-        point(value, name, row) for name in first.measure for value, row in zip(values, rows, strict=True)
+        point_of(value, name, row) for name in first.measure for value, row in zip(values, rows, strict=True)
     ]
 
 
-def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
+def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
     """One measure of the runs of one value; values that say nothing are left out and told."""
     measures = [result.record.get("measures", {}).get(name, {}) for result in results]
     blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in measures]

@@ -90,7 +90,7 @@ def print_design(calibration: "Calibration", section: str) -> None:
     """Print runs with their settings and responses."""
     rows = calibration.document[section]["rows"]
     values = ((row["settings"] | row["responses"]).values() for row in rows)
-    cells = ([str(number), *map(output.significant, row)] for number, row in enumerate(values, start=1))
+    cells = ([str(number), *map(output.number_text, row)] for number, row in enumerate(values, start=1))
     output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 

@@ -88,7 +88,7 @@ def with_study_options(command: Command) -> Command:
     return wrapper
 
 
-def answer(
+def print_reply(
     title: str, compute: "Callable[[Progress], Reply]", options: "StudyOptions", as_json: bool, verbose: bool
 ) -> None:
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
@@ -107,7 +107,7 @@ def ask(name: str, title: str, summary: str) -> None:
         study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
     ) -> None:
         compute = getattr(import_module("taichi_erosion.evidence.answers.commands"), f"{name}_study")
-        answer(title, lambda report: compute(study, report, options), options, as_json, verbose)
+        print_reply(title, lambda report: compute(study, report, options), options, as_json, verbose)
 
     app.command(name, help=summary, **help_of(name, EXPLAIN))(with_study_options(command))
 
@@ -134,7 +134,7 @@ def adopt(
     def compute(report: Progress) -> "Reply":
         return adopt_study(study, effects, report, options)
 
-    answer("adopting", compute, options, as_json, verbose)
+    print_reply("adopting", compute, options, as_json, verbose)
 
 
 ask("next", "planning", "Find the cheapest experiments that tell the named explanation from its rivals.")

@@ -131,7 +131,7 @@ def law_entries(
         "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,
         "numbers": [(key, each.value, *meaning_of(key, each.value)) for key, each in law.numbers.items()],
-        "points": points(doses, columns, mechanism),
+        "points": check_points(doses, columns, mechanism),
     }
 
 
@@ -143,7 +143,7 @@ def meaning_of(key: str, value: float) -> tuple[str, float, float]:
     return MEANINGS.get(key, "rate"), low, high
 
 
-def points(
+def check_points(
     parts: Sequence["DosePart"], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""

@@ -71,7 +71,7 @@ def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]
     console.print(table)
 
 
-def significant(value: Any, form: str = ".6g") -> str:
+def number_text(value: Any, form: str = ".6g") -> str:
     """Number in six significant digits or another form, "-" for None and NaN, any other value as text."""
     if value is None or value != value:
         return "-"
@@ -118,7 +118,7 @@ def print_claims(document: Record) -> None:
     """Print the verification table."""
     claims = document["claims"]
     rows = (
-        (*(significant(claim[key]) for key in CLAIM), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
+        (*(number_text(claim[key]) for key in CLAIM), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
         for claim in claims
     )
     print_table("verification", (*CLAIM, "", "s"), rows)
@@ -139,8 +139,8 @@ def print_cases(document: Record) -> None:
 
     def cell(value: Any) -> str:
         if isinstance(value, Mapping):
-            return "\n".join(f"{name} {significant(share)}" for name, share in value.items())
-        return significant(value)
+            return "\n".join(f"{name} {number_text(share)}" for name, share in value.items())
+        return number_text(value)
 
     print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
     count = f"{document['engine']} for {document['target']}; {document['cores']} cores"
@@ -165,7 +165,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     from taichi_erosion.evidence.words.vocabulary import interval
 
     about, record = reply.about, reply.record
-    number, share = partial(significant, form=".3g"), partial(significant, form=".0%")
+    number, share = partial(number_text, form=".3g"), partial(number_text, form=".0%")
     limits = (
         (name, number(part.limit), number(part.unseen_below), share(part.absorption))
         for name, part in record.effects.items()

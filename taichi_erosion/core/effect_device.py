@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.core.effect import Constants, ReplicaEffect
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, download_field, upload, write
+from taichi_erosion.core.transfer import device_record, download_field, upload, write_field
 
 
 @device_record
@@ -86,7 +86,7 @@ def write_constants(
         present[first : first + len(rows), k] = [one is not None for one in rows]
         write_table(effects.constants[k], [one.constants if one else {} for one in rows], first)
         write_table(effects.initial_states[k], [one.initial_state if one else {} for one in rows], first)
-    write(effects.present, present)
+    write_field(effects.present, present)
 
 
 def struct_field(names: Sequence[str], places: int) -> Any:

@@ -116,11 +116,11 @@ def execute(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
         exec(compile(file.text, source, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise BadInput(f"{file}: cannot be executed{line_of(error)}: {reason(error)}; {remedy}") from None
+        raise BadInput(f"{file}: cannot be executed{line_of(error)}: {error_text(error)}; {remedy}") from None
     return module
 
 
-def reason(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Kind and text of an error in one line."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
@@ -149,7 +149,7 @@ def failures_of(effect: Effect, function: str) -> Iterator[None]:
     except BadInput:
         raise
     except Exception as error:
-        message = f"its {function} failed{line_of(error)}: {reason(error)}"
+        message = f"its {function} failed{line_of(error)}: {error_text(error)}"
         if isinstance(error, KeyError):
             message = f"its {function} reads {error}, which the scene does not state under [conditions]"
         raise BadInput(compile_failure(error) or f"effects.{effect.name}: {message}") from None

@@ -182,7 +182,7 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
         place = bench.grain if advances else getattr(bench, effect.place)
         set_members(place, members)
         if not advances:
-            return result(effect, effects, bench)
+            return evaluate_effect(effect, effects, bench)
         assert effect.grain_state is not None
         advance_state(bench.grain, effects)
         names = [f.name for f in fields(effect.grain_state)]
@@ -198,7 +198,7 @@ def set_members(place: Any, members: Mapping[str, Any]) -> None:
     upload([(getattr(place, name), [value]) for name, value in (zeros | dict(members)).items()])
 
 
-def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
+def evaluate_effect(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
     """Result of an effect for the pair, first contact or grain of the bench."""
     if effect.place == "grain":
         evaluate_grain(effects, bench.grain, bench.force, bench.torque)

@@ -96,12 +96,12 @@ def cache_positions() -> None:
     def position_info(context: Any, node: Any) -> str:
         span = (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
         key = (context.file, context.lineno_offset, *span)
-        return positions.get(key) or positions.setdefault(key, describe(context, node))
+        return positions.get(key) or positions.setdefault(key, position_text(context, node))
 
     transformer.ASTTransformerContext.get_pos_info = position_info
 
 
-def describe(context: Any, node: Any) -> str:
+def position_text(context: Any, node: Any) -> str:
     """File, line and function of a node, its source line, and marks below it."""
     line = context.src[node.lineno - 1]
     first = context.indent + node.col_offset

@@ -200,7 +200,7 @@ def fill_line(count: ti.i32, number: ti.f64, column_out: ti.template()):
                 field_out[i][k // columns, k % columns] = ti.cast(number, field_out.dtype)
 
 
-def write(field: Any, values: Any) -> None:
+def write_field(field: Any, values: Any) -> None:
     """Write a whole field of any shape; a single number fills it."""
     if is_host():
         set_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))

@@ -8,7 +8,7 @@ from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup
-from taichi_erosion.core.transfer import device_record, upload, write
+from taichi_erosion.core.transfer import device_record, upload, write_field
 from taichi_erosion.coupling.drag import drag_law
 from taichi_erosion.grains.state import arrays, block
 
@@ -61,7 +61,7 @@ def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> Non
     """Interval and parameters of the exchange of every replica; none has exchanged yet."""
     names = ("look_steps", "seed", "surface", "through_flow")
     upload([(getattr(exchange, name), [getattr(s.coupling, name) for s in setups]) for name in names])
-    write(exchange.last_exchange, -1)
+    write_field(exchange.last_exchange, -1)
 
 
 def allocate_coupling(setups: Sequence[Setup], laws: Laws, parts: int, chunk: int = 0) -> CouplingState:

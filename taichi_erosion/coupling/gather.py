@@ -40,17 +40,17 @@ def mix_bits(key):
 
 
 @ti.func
-def uniform(seed, ident, step):
+def uniform_numbers(seed, ident, step):
     """Three numbers between 0 and 1."""
     key = ti.Vector([ti.cast(seed, ti.u32), ti.cast(ident, ti.u32), ti.cast(step, ti.u32)])
     return ti.cast(mix_bits(key), ti.f64) * UNIT + HALF
 
 
 @ti.func
-def normal(seed, ident, step):
+def normal_numbers(seed, ident, step):
     """Three standard normal numbers."""
-    u = uniform(seed, ident, step)
-    w = uniform(seed, -1 - ident, step)
+    u = uniform_numbers(seed, ident, step)
+    w = uniform_numbers(seed, -1 - ident, step)
     length = ti.sqrt(-2.0 * ti.log(u[0]))
     other = ti.sqrt(-2.0 * ti.log(w[0]))
     turn, more = 2.0 * pi * u[1], 2.0 * pi * w[1]
@@ -132,10 +132,10 @@ def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shea
         void_fraction=void,
         height=position[2] - ti.cast(coupling.exchange.surface[r], float),
         period=ti.cast(replicas.period[r], float),
-        noise=normal(coupling.exchange.seed[r], grains.ident[i], replicas.step[r]),
+        noise=normal_numbers(coupling.exchange.seed[r], grains.ident[i], replicas.step[r]),
         interval=replicas.time_step[r] * coupling.exchange.look_steps[r],
         time=replicas.time_step[r] * replicas.step[r],
-        chance=ti.cast(uniform(coupling.exchange.seed[r], 0, 0)[0], float),
+        chance=ti.cast(uniform_numbers(coupling.exchange.seed[r], 0, 0)[0], float),
         drag_factor=1.0,
     )
     if ti.static(world.has_external_forces):

@@ -22,8 +22,8 @@ from taichi_erosion.core.effect_file import (
     EffectFile,
     checked_effect,
     effect_in,
+    error_text,
     read_effect_file,
-    reason,
 )
 from taichi_erosion.core.errors import BadInput
 
@@ -61,7 +61,7 @@ def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
         try:
             loaded = point.load()
         except Exception as error:
-            message = " ".join(reason(error).split())
+            message = " ".join(error_text(error).split())
             raise BadInput(f"{entry} of an installed package: {message}") from None
         effect = loaded if isinstance(loaded, Effect) else getattr(loaded, MEMBER, None)
         add(library, checked_effect(effect, f"{entry} of an installed package"), f"the package's {entry}")

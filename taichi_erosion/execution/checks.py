@@ -105,12 +105,12 @@ def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
 
 def idle_reason(scene: Scene, effect: Any) -> str:
     """What keeps an effect from changing anything in a scene; empty where it acts, or is stated as 0."""
-    from taichi_erosion.simulation.scene_setup import acts, can_act
+    from taichi_erosion.simulation.scene_setup import can_act, makes_difference
 
     if scene.effects[effect.name].get("strength") == 0.0:
         return ""
     conditions, possible = scene.conditions.stated_values(), can_act(scene, effect)
-    if possible and acts(scene, effect):
+    if possible and makes_difference(scene, effect):
         return ""
     if effect.place == "instrument":
         return f"it changes the reading of none of {', '.join(scene.measure)}"

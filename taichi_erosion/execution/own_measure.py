@@ -5,7 +5,7 @@ from functools import lru_cache
 from math import nan
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.core.effect_file import EffectFile, execute, line_of, read_effect_file, reason
+from taichi_erosion.core.effect_file import EffectFile, error_text, execute, line_of, read_effect_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.scene import Scene
@@ -50,5 +50,5 @@ def own_measure(name: str, state: "MeasureInput") -> Measurement:
         result = function(grains, contact_table([network]), wall_table(state.poses, network))
         value, sd = (float(number) for number in (result if isinstance(result, tuple) else (result, nan)))
     except Exception as error:  # whatever the user's code raises
-        return no_measurement(name, unit, f"its function failed{line_of(error)}: {reason(error)}")
+        return no_measurement(name, unit, f"its function failed{line_of(error)}: {error_text(error)}")
     return Measurement(name, value, sd, unit)

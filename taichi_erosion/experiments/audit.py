@@ -143,15 +143,15 @@ def examine_structure(coded: Floats) -> Structure:
     pairs = [abs(np.corrcoef(one, other)[0, 1]) for one, other in combinations(coded.T, 2)]
     if pairs and min(pairs) > TOGETHER:
         return Structure(two_level, None, None)
-    balanced, orthogonal = soundness(coded)
+    balanced, orthogonal = are_levels_sound(coded)
     run = -coded.sum(axis=0)  # that may be missing: then no cell is wrong
     levels = all(np.isin(np.round(abs(run), 6), np.round(np.abs(coded), 6)))
-    missing = levels and all(soundness(np.vstack([coded, run])))
+    missing = levels and all(are_levels_sound(np.vstack([coded, run])))
     sought = pairs and not missing and not (balanced and orthogonal)
     return Structure(two_level, balanced, orthogonal, tuple(restoring_cells(coded)) if sought else ())
 
 
-def soundness(coded: Floats) -> tuple[bool, bool]:
+def are_levels_sound(coded: Floats) -> tuple[bool, bool]:
     """Whether levels are balanced, and whether they are orthogonal."""
     counts = [np.unique(np.round(column, 6), return_counts=True)[1] for column in coded.T]
     return all(np.array_equal(each, each[::-1]) for each in counts), not dependent_pairs(coded)
@@ -168,15 +168,15 @@ def dependent_pairs(coded: Floats) -> list[tuple[int, int]]:
 def restoring_cells(coded: Floats) -> Iterator[Cell]:
     """Every single change of a level after which nothing is left to find."""
     for column in range(coded.shape[1]):
-        if not all(soundness(np.delete(coded, column, axis=1))):
+        if not all(are_levels_sound(np.delete(coded, column, axis=1))):
             continue  # no cell of this column can restore the others
         for row, level in product(range(len(coded)), np.unique(coded[:, column]).tolist()):
             cell = Cell(row, column, level)
-            if level != coded[row, column] and all(soundness(restore(coded, cell))):
+            if level != coded[row, column] and all(are_levels_sound(with_cell(coded, cell))):
                 yield cell
 
 
-def restore(coded: Floats, cell: Cell | None) -> Floats:
+def with_cell(coded: Floats, cell: Cell | None) -> Floats:
     """The levels with one cell changed."""
     changed = coded.copy()
     if cell is not None:
@@ -229,7 +229,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = restore(table.coded, structure.sole_cell)
+    coded = with_cell(table.coded, structure.sole_cell)
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]

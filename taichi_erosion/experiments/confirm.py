@@ -73,7 +73,7 @@ def confirm(values: Sequence[float], target: Sample | float) -> Confirmation:
     if first + second > 0.0:
         spread = sqrt(first + second)
         df = (first + second) ** 2 / (first**2 / (runs.n - 1.0) + second**2 / (goal.n - 1.0))
-    reach = critical(df) * spread
+    reach = critical_t(df) * spread
     t = difference / spread
     return Confirmation(
         runs=runs,
@@ -90,7 +90,7 @@ def confirm(values: Sequence[float], target: Sample | float) -> Confirmation:
     )
 
 
-def critical(df: float) -> float:
+def critical_t(df: float) -> float:
     """Limit of |t|."""
     return float(stats.t.isf(0.5 * SIGNIFICANCE, df))
 
@@ -101,7 +101,7 @@ def power(difference: float, spread: float, df: float) -> float:
     1 - P(|Z + shift| < limit s) with Z normal and s^2 = chi^2 / df, integrated over the probability of s: the
     series of the non-central t fails for few degrees of freedom.
     """
-    shift, limit = abs(difference) / spread, critical(df)
+    shift, limit = abs(difference) / spread, critical_t(df)
 
     def shortfall(probability: Floats) -> Floats:
         s = np.sqrt(chdtri(df, probability) / df)

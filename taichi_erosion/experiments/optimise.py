@@ -124,12 +124,12 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
 
 def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     """Distinct local optima, the most desirable first, the most certain first among equals."""
-    ends = starts(len(fits[0].factors))
+    ends = start_points(len(fits[0].factors))
     for softness in SOFTNESS:
         loss = partial(shortfall, fits, goals, softness=softness)
         ends = np.array([descend(loss, end) for end in ends])
         ends = ends[np.unique(np.round(ends / ALIKE), axis=0, return_index=True)[1]]
-    overall, missing = desirability(shares(fits, goals, ends)), shortfall(fits, goals, ends)
+    overall, missing = desirability(goal_shares(fits, goals, ends)), shortfall(fits, goals, ends)
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
     indices: list[int] = []
     for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
@@ -148,7 +148,7 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     return optima
 
 
-def starts(count: int) -> Floats:
+def start_points(count: int) -> Floats:
     """Coded points from which the search starts: corners, midpoints, centre; a Sobol sequence between."""
     small = 3**count <= MOST_GRID_STARTS
     sobol = qmc.Sobol(d=count, rng=np.random.default_rng(SOBOL_SEED))
@@ -173,7 +173,7 @@ def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
     return np.asarray(minimum.x)
 
 
-def shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
+def goal_shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Share d of every goal at coded points, [points, goals]."""
     pairs = zip(goals, fits, strict=True)
     return np.column_stack([single_share(goal, fit.predict(coded), softness) for goal, fit in pairs])
@@ -181,13 +181,13 @@ def shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: 
 
 def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Objective to minimise, [points]: 1 - D inside all limits, 1 and the excess over them outside."""
-    desirabilities = shares(fits, goals, coded, softness)
+    desirabilities = goal_shares(fits, goals, coded, softness)
     return 1.0 - desirability(desirabilities) + np.sum(np.maximum(-desirabilities, 0.0), axis=1)
 
 
 def prediction_range(fit: Fit) -> Reach:
     """Range of the predictions in the cube."""
-    begin = starts(len(fit.factors))
+    begin = start_points(len(fit.factors))
     ends = []
     for sign in (1.0, -1.0):
 

@@ -94,7 +94,7 @@ def locate_spheres(world_out: ti.template(), r, first, last):
 
 
 @ti.func
-def collect(world_out: ti.template(), r, place, arm):
+def take_force(world_out: ti.template(), r, place, arm):
     """Force [N] and torque [N m] on a body from one of its spheres at rank `place`; clears the buffers."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     force = 0.0 * arm
@@ -117,7 +117,7 @@ def advance_body(world_out: ti.template(), r, b, kick):
     torque = force
     for k in range(clumps_out.number[b]):
         sphere = r * grains.capacity + clumps_out.first[b] + k
-        part, moment = collect(world_out, r, clumps_out.rank[sphere], frame @ clumps_out.offset[sphere])
+        part, moment = take_force(world_out, r, clumps_out.rank[sphere], frame @ clumps_out.offset[sphere])
         force += part
         torque += moment
     dt = ti.cast(world_out.replicas.time_step[r], ti.f64)

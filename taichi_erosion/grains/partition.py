@@ -52,7 +52,7 @@ def owns_partition(replicas: ti.template(), r, p, member, size):
 
 
 @ti.func
-def touching(entries: ti.template(), i):
+def engaged_contacts(entries: ti.template(), i):
     """Number of engaged contacts of the grain at place i."""
     number = 0
     for e in range(entries.start[i], entries.stop[i]):
@@ -65,7 +65,7 @@ def cost(world: ti.template(), i):
     """Cost of the grain at place i, from its lists before the rebuild."""
     pairs, walls = ti.static((world.pairs, world.wall_pairs))
     listed = pairs.stop[i] - pairs.start[i] + WALL * (walls.stop[i] - walls.start[i])
-    return GRAIN + listed + CONTACT * touching(pairs, i) + WALL_CONTACT * touching(walls, i)
+    return GRAIN + listed + CONTACT * engaged_contacts(pairs, i) + WALL_CONTACT * engaged_contacts(walls, i)
 
 
 @ti.func

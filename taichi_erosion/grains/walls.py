@@ -17,7 +17,7 @@ from taichi_erosion.grains.state import arrays
 PLANE = int(PrimitiveKind.PLANE)
 REVOLVED = int(PrimitiveKind.REVOLVED)
 NO_SERVO, FORCE, TORQUE = range(3)  # of Walls.servo
-GAIN = 0.1  # of a servo, see `control` [1]
+GAIN = 0.1  # of a servo, see `run_servo` [1]
 RAMP = 3e-4  # of its largest speed that a servo without contact gains in a step [1]
 LENGTH_LEAST = 1e-30  # keeps directions finite for a centre on the wall itself [m]
 
@@ -207,7 +207,7 @@ def move_walls(walls_out: ti.template(), replicas_out: ti.template(), r):
             if ti.static(walls_out.rows > 0):
                 follow_table(walls_out, s, (replicas_out.step[r] - walls_out.start_step[s] + 0.5) * dt)
             if ti.static(walls_out.servos > 0):
-                sweep = ti.max(sweep, walls_out.sweep[s] + control(walls_out, replicas_out, r, s, dt))
+                sweep = ti.max(sweep, walls_out.sweep[s] + run_servo(walls_out, replicas_out, r, s, dt))
             walls_out.shift[s] = walls_out.shift[s] + walls_out.velocity[s] * dt
             walls_out.turn[s] = rotation(walls_out.spin[s] * dt) @ walls_out.turn[s]
             sweep = ti.max(sweep, walls_out.sweep[s])
@@ -238,7 +238,7 @@ def follow_table(walls_out: ti.template(), s, time):
 
 
 @ti.func
-def control(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
+def run_servo(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
     """Let the servo of surface s move on; returns the largest speed at which its shape then moves by it.
 
         v = GAIN (F_target - F) / (K dt),    |v| <= fastest

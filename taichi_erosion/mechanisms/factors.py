@@ -24,7 +24,7 @@ def factor_of(strength: float, dose: float) -> float:
     return max(1.0 + strength * dose, LEAST)
 
 
-def scale(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+def scale_number(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a number multiplied by 1 + strength D."""
     return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
 
@@ -153,7 +153,7 @@ def offset_checks(params: Any, probe: Probe) -> Iterator[Check]:
 
 def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of contacts of grains with walls, or with each other."""
-    act = partial(scale, partial(with_contact_number, entry, walls))
+    act = partial(scale_number, partial(with_contact_number, entry, walls))
     if entry == "friction_rolling":
         act = partial(change_rolling, walls)
     return act, partial(contact_checks, entry, walls), {}
@@ -161,7 +161,7 @@ def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
 
 def material_row(entry: str, power: float, dose: float) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of the grains' material; `dose` is that of its checks."""
-    act = partial(scale, partial(with_material, entry, power))
+    act = partial(scale_number, partial(with_material, entry, power))
     return act, partial(material_checks, entry, power, dose), {}
 
 
@@ -172,7 +172,7 @@ FACTORS = {  # mechanism -> act, checks, other members
     "wall_rolling_friction": contact_row("friction_rolling", walls=True),
     "restitution": contact_row("restitution", walls=False),
     "wall_restitution": contact_row("restitution", walls=True),
-    "bed_stress": (partial(scale, with_stress), stress_checks, {}),
+    "bed_stress": (partial(scale_number, with_stress), stress_checks, {}),
     "grain_weight": material_row("density", 0.5, dose=-0.5),
     "stiffness": material_row("young_modulus", -0.5, dose=3.0),
     # the value that the laboratory reads

@@ -18,7 +18,7 @@ from PIL.Image import Resampling
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot
-from taichi_erosion.recording.wall_mesh import WallMesh, section
+from taichi_erosion.recording.wall_mesh import WallMesh, section_lines
 
 Colours = NDArray[np.uint8]  # [n, 3]
 Mask = NDArray[np.bool_]
@@ -116,7 +116,7 @@ def force_colours(normal_force: Floats) -> Colours:
     return np.where(normal_force[:, np.newaxis] < 0.0, pull, push)
 
 
-def night(size: tuple[int, int]) -> Picture:
+def night_background(size: tuple[int, int]) -> Picture:
     """Background of `size` (width, height), from NIGHT at its top to DUSK."""
     return ImageOps.colorize(Image.linear_gradient("L").resize(size), NIGHT, DUSK)
 
@@ -159,11 +159,11 @@ def render_side(
     if colours is None:
         colours = resting_colours(np.arange(len(radii), dtype=np.int32))
     fine = SideView(view.low, view.high, (view.size[0] * SMOOTHING, view.size[1] * SMOOTHING))
-    picture = night(fine.size)
+    picture = night_background(fine.size)
     draw = ImageDraw.Draw(picture, "RGBA")
     draw_spheres(draw, positions, radii, fine, colours)
     for wall in walls:
-        for ends in fine.pixels(section(wall)):
+        for ends in fine.pixels(section_lines(wall)):
             draw.line(ends.ravel().tolist(), (*STEEL, 170), SMOOTHING)
     return picture.reduce(SMOOTHING)
 
@@ -237,7 +237,7 @@ def colour_legend(speeds: tuple[float, float]) -> Picture:
 def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Picture:
     """Silhouette, sand on night, with flank lines [k, 2, 2] in pixels: bright where fitted, faint beyond."""
     rows, columns = mask.shape
-    picture = night((columns, rows + HEADROOM))
+    picture = night_background((columns, rows + HEADROOM))
     picture.paste(SAND, (0, HEADROOM), Image.fromarray(mask))
     if len(flanks):  # drawn large and averaged, which smooths the edges of the lines
         picture = picture.resize((SMOOTHING * columns, SMOOTHING * (rows + HEADROOM)), Resampling.NEAREST)

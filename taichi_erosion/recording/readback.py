@@ -45,7 +45,7 @@ END = 0  # kind of the message that closes a recording
 
 
 @contextmanager
-def readable(path: Path) -> Iterator[Path]:
+def readable_file(path: Path) -> Iterator[Path]:
     """A file that rerun can read: the recording, or a copy of its whole messages where the last one is cut.
 
     A part file is copied too, since the viewer knows recordings by their suffix.
@@ -99,7 +99,7 @@ def read_chunks(path: Path) -> Iterator["Chunk"]:
     """
     from rerun.chunk import RrdReader
 
-    with readable(path) as whole:
+    with readable_file(path) as whole:
         try:
             with warnings.catch_warnings():
                 # what a killed writer leaves has no footer, and is no legacy format
@@ -122,13 +122,13 @@ def read_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[s
                 times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64).tolist()
                 # data, not times or numbers of rows
                 names = [f.name for f in batch.schema if (f.metadata or {}).get(b"rerun:kind") == b"data"]
-                columns = zip(*(values(batch.column(name)) for name in names), strict=True)
+                columns = zip(*(column_rows(batch.column(name)) for name in names), strict=True)
                 tables = (dict(zip(names, row, strict=True)) for row in columns)
                 rows += zip(times, tables, strict=True)
     return sorted((row for row in rows if row[1][component] is not None), key=lambda row: row[0])
 
 
-def values(column: "pa.Array") -> Iterator[Any]:
+def column_rows(column: "pa.Array") -> Iterator[Any]:
     """Every row of a list column as one array, vectors as its rows; None where nothing was logged."""
     import pyarrow as pa
 
@@ -208,7 +208,7 @@ def read_walls(path: Path) -> list[WallTrack]:
             continue
         name = chunk.entity_path.removeprefix(WALLS).replace("\\", "")
         track, batch = tracks.setdefault(name, WallTrack(name)), chunk.to_record_batch()
-        columns = {key: list(values(batch.column(key))) for key in batch.schema.names if ":" in key}
+        columns = {key: list(column_rows(batch.column(key))) for key in batch.schema.names if ":" in key}
         times = [0] if chunk.is_static else batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(int)
         for place, time in enumerate(times):
             row = {key: column[place] for key, column in columns.items()}

@@ -18,7 +18,7 @@ from urllib.request import urlopen
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_png, write_atomic
 from taichi_erosion.recording.blueprint import TIMELINE
-from taichi_erosion.recording.readback import NANOSECOND, readable
+from taichi_erosion.recording.readback import NANOSECOND, readable_file
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -71,7 +71,7 @@ def open_viewer(path: Path) -> int:
 
     Raises BadInput without a screen.
     """
-    with readable(path) as whole:
+    with readable_file(path) as whole:
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             named = shlex.quote(str(path))
             others = f"`view {named} --web` serves it to a browser, `snapshot {named} -o PNG` draws it"
@@ -103,7 +103,7 @@ class WebViewer:
 @contextmanager
 def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
     """Serve the viewer on the loopback interface, with a recording or waiting for one."""
-    with readable(path) if path else nullcontext() as whole:
+    with readable_file(path) if path else nullcontext() as whole:
         page, sink = free_port(), free_port()
         files = [whole.resolve()] if whole else []
         with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *files):
@@ -175,7 +175,7 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
     """A viewer without a window that has loaded a recording."""
     port = free_port()
     options = ("--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen")
-    with readable(path) as whole, viewer_process(port, *options) as process:
+    with readable_file(path) as whole, viewer_process(port, *options) as process:
         client = connect(process, port)
         try:
             client.open(str(whole.resolve()))

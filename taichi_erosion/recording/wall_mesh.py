@@ -40,13 +40,13 @@ def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset())
 def triangulate(kind: PrimitiveKind, shape: Floats, bounds: Box) -> tuple[Floats, Integers]:
     """Vertices [m] and triangles of one primitive, its numbers ordered as PrimitiveKind says."""
     if kind == PrimitiveKind.PLANE:
-        return plane(shape[0:3], shape[3:6], bounds)
+        return plane_mesh(shape[0:3], shape[3:6], bounds)
     if kind == PrimitiveKind.REVOLVED:
-        return revolve(shape[0:3], shape[3:6], shape[6:10])
+        return revolved_mesh(shape[0:3], shape[3:6], shape[6:10])
     return shape[0:9].reshape(3, 3), np.array([[0, 1, 2]], dtype=np.int32)
 
 
-def plane(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]:
+def plane_mesh(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]:
     """Rectangle of a plane that just covers the bounds.
 
     Along a unit direction e in the plane a box of edges L reaches  (|e_x| L_x + |e_y| L_y + |e_z| L_z) / 2
@@ -63,7 +63,7 @@ def plane(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]
     return centre + corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 
-def revolve(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integers]:
+def revolved_mesh(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integers]:
     """Line segment turned about an axis; `profile` = radius and height of one end, then of the other [m]."""
     import trimesh
 
@@ -73,7 +73,7 @@ def revolve(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integ
     return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32)
 
 
-def section(wall: WallMesh) -> Floats:
+def section_lines(wall: WallMesh) -> Floats:
     """Cut of a wall by the vertical plane y = 0: line segments (x, z) of both ends, [k, 2, 2] m."""
     import trimesh
 

@@ -36,9 +36,9 @@ from taichi_erosion.report.figure_style import (
     Floats,
     Picture,
     panels,
-    responsive,
+    responsive_picture,
     scale_axis,
-    single,
+    single_panel,
 )
 from taichi_erosion.tables.number_words import heading
 
@@ -54,7 +54,7 @@ LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
 
-def places(record: Record) -> list[tuple[str, str]]:
+def ranked_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
@@ -82,7 +82,7 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
     return table.loc[mask].sort_values("x", kind="stable")
 
 
-def key(record: Record) -> tuple[str, str, str]:
+def model_labels(record: Record) -> tuple[str, str, str]:
     """What is drawn beside each other: measured, the model before and after; empty where nothing is added."""
     return page_words.MEASURED, page_words.BARE, page_words.added_words(record)
 
@@ -114,7 +114,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
     points = points_of(record, voc, observable, axis)
-    labels = {name: label for name, label in zip(MODELS, key(record)[1:], strict=True) if label}
+    labels = {name: label for name, label in zip(MODELS, model_labels(record)[1:], strict=True) if label}
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
     plotted = points[["measured", *labels]].to_numpy().ravel()
@@ -141,7 +141,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         observable=quantity(observable), axis=quantity(axis or "rows")
     )
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
-    return responsive(draw, caption, f"rows{number}", texts)
+    return responsive_picture(draw, caption, f"rows{number}", texts)
 
 
 def rows_by_mark(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -164,10 +164,10 @@ def draw_points(frame: Axes, points: pd.DataFrame) -> None:
         frame.plot(x, y, gid=f"rows:measured#{kind}", **style)
 
 
-def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
+def label_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
     """Frame with a line for every label, the first on top, and their heights."""
     names = [fill(label, int(LETTERS * width)) for label in labels]
-    figure, frame = single(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
+    figure, frame = single_panel(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
     at = np.arange(len(names), dtype=np.float64)[::-1]
     frame.set_yticks(at, names)
     frame.set_ylim(-0.6, len(names) - 0.4)
@@ -185,7 +185,7 @@ def posterior_picture(record: Record) -> Picture:
     bars = list(page_words.explanations(record))
 
     def draw(width: float) -> Figure:
-        figure, frame, at = chart(width, [label for label, *_ in bars])
+        figure, frame, at = label_chart(width, [label for label, *_ in bars])
         colours = [CONTROL if label in EXPLANATIONS.values() else AFTER for label, *_ in bars]
         frame.barh(at, [p for _, p, _ in bars], 0.62, color=colours)
         for y, (_, p, text) in zip(at, bars, strict=True):
@@ -193,7 +193,7 @@ def posterior_picture(record: Record) -> Picture:
         frame.set(xlim=(0.0, 1.15), xticks=[0.0, 0.5, 1.0], xlabel="probability")
         return figure
 
-    return responsive(draw, page_words.CAPTIONS["posterior"], "posterior")
+    return responsive_picture(draw, page_words.CAPTIONS["posterior"], "posterior")
 
 
 def strength_picture(record: Record) -> Picture:
@@ -202,7 +202,7 @@ def strength_picture(record: Record) -> Picture:
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
-        figure, frame, at = chart(width, [name for name, _ in parts])
+        figure, frame, at = label_chart(width, [name for name, _ in parts])
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for y, (name, part) in zip(at, parts, strict=True):
             if name in acting_names or part.probability > LIKELY:
@@ -218,7 +218,7 @@ def strength_picture(record: Record) -> Picture:
         frame.set_xlabel("strength")
         return figure
 
-    return responsive(draw, page_words.CAPTIONS["strengths"], "strengths")
+    return responsive_picture(draw, page_words.CAPTIONS["strengths"], "strengths")
 
 
 def number_picture(record: Record) -> Picture:
@@ -238,7 +238,7 @@ def number_picture(record: Record) -> Picture:
             frame.set_title(path, loc="left")
         return figure
 
-    return responsive(draw, page_words.CAPTIONS["numbers"], "numbers")
+    return responsive_picture(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
 def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
@@ -267,7 +267,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
         x = np.array([voc.units.condition(axis, dose.conditions[axis]) for dose in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
-            figure, frame = single(width, PANEL[1])
+            figure, frame = single_panel(width, PANEL[1])
             draw_sizes(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
@@ -275,7 +275,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
             return figure
 
         caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
-        yield responsive(draw, caption, f"doses{number}", texts)
+        yield responsive_picture(draw, caption, f"doses{number}", texts)
 
 
 def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
@@ -291,14 +291,14 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     ]
 
     def draw(width: float) -> Figure:
-        figure, frame = single(width, PANEL[1])
+        figure, frame = single_panel(width, PANEL[1])
         draw_sizes(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
         frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
         frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
         return figure
 
     caption = page_words.CAPTIONS["curves"].format(observable=quantity(name), axis=quantity(axis))
-    return responsive(draw, caption, f"curves{number}", {"curves": texts})
+    return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 
 def ladder_picture(record: Record) -> Picture:
@@ -311,7 +311,7 @@ def ladder_picture(record: Record) -> Picture:
         steps[f"control: {vault.wrong_effect}"] = np.nan, vault.chi2_per_row_wrong_effect
 
     def draw(width: float) -> Figure:
-        figure, frame, at = chart(width, list(steps))
+        figure, frame, at = label_chart(width, list(steps))
         fitted, unseen = np.array(list(steps.values())).T
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for values, face in ((fitted, INK), (unseen, PAPER)):
@@ -320,4 +320,4 @@ def ladder_picture(record: Record) -> Picture:
         frame.set_xlabel("misfit per row")
         return figure
 
-    return responsive(draw, page_words.CAPTIONS["ladder"], "ladder")
+    return responsive_picture(draw, page_words.CAPTIONS["ladder"], "ladder")

@@ -80,7 +80,7 @@ def publish(calibration: Calibration) -> Path:
         variance={name: markdown_table(*variance_table(calibration, name)) for name in targets},
         equations={name: equation(calibration, name) for name in targets},
         optima=markdown_table(*optimum_table(calibration)),
-        samples={name: samples(tests[name]) for name in targets},
+        samples={name: sample_texts(tests[name]) for name in targets},
     )
     return folder.write(PAGE, (text.rstrip() + "\n").encode())
 
@@ -149,11 +149,11 @@ def climb_table(calibration: Calibration) -> Cells:
     for step, row in enumerate(document["rows"]):
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
-        rows.append((f"{step}{mark}", *(number(value) for value in values)))
+        rows.append((f"{step}{mark}", *(four_digits(value) for value in values)))
     return ("step", *(calibration.file.labels[path] for path in paths), *names), rows
 
 
-def number(value: float) -> str:
+def four_digits(value: float) -> str:
     """Number in four digits; "none" for NaN."""
     return "none" if value != value else f"{value:.4g}"
 
@@ -161,7 +161,7 @@ def number(value: float) -> str:
 def variance_table(calibration: Calibration, name: str) -> Cells:
     """Analysis of variance."""
     anova = calibration.document["surface"]["responses"][name]["anova"]
-    rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in anova]
+    rows = [(row["label"], *(four_digits(row[key]) for key in VARIANCE)) for row in anova]
     return ("source", "sum of squares", "df", "mean square", "F", "p"), rows
 
 
@@ -188,7 +188,7 @@ def optimum_table(calibration: Calibration) -> Cells:
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
-        row = [number(one["settings"][path]) for path in paths]
+        row = [four_digits(one["settings"][path]) for path in paths]
         for predicted in (one["predicted"][name] for name in targets):
             half = 0.5 * (predicted["high"] - predicted["low"])  # as many digits as the interval deserves
             value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
@@ -198,7 +198,7 @@ def optimum_table(calibration: Calibration) -> Cells:
     return header, rows
 
 
-def samples(test: Mapping[str, Any]) -> dict[str, str]:
+def sample_texts(test: Mapping[str, Any]) -> dict[str, str]:
     """Mean, standard deviation and number of the confirmation runs and of the measurement."""
     return {
         kind: with_spread(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))

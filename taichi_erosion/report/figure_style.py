@@ -69,7 +69,7 @@ class Picture:
 
 
 @page_style()
-def responsive(
+def responsive_picture(
     draw: Callable[[float], Figure],
     description: str,
     name: str,
@@ -94,7 +94,7 @@ def with_key(picture: Picture) -> Figure:
 @page_style()
 def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Figure:
     """Figure of a number over the simulated time [s] of a live session."""
-    figure, frame = single(*CURVE)
+    figure, frame = single_panel(*CURVE)
     frame.plot(time, value, lw=1.2)
     frame.set(xlabel="simulated time [s]", ylabel=name)
     return figure
@@ -155,7 +155,7 @@ def panels(
     return figure, [figure.add_subplot(down, across, k + 1, projection=projection) for k in range(count)]
 
 
-def single(width: float, height: float) -> tuple[Figure, Axes]:
+def single_panel(width: float, height: float) -> tuple[Figure, Axes]:
     """Figure of one panel [in]."""
     figure, (frame,) = panels(1, 1, (width, height))
     return figure, frame

@@ -12,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
-from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
+from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive_picture
 from taichi_erosion.report.html import address_of, origin_line, write_page
 from taichi_erosion.tables.number_words import count_noun, heading
 
@@ -96,7 +96,7 @@ def draw_measures(document: Document) -> Picture | None:
             frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
         return figure
 
-    return responsive(
+    return responsive_picture(
         draw, "Measures by seed, their means with one standard deviation; red: measured.", "measures"
     )
 

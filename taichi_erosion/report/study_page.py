@@ -116,7 +116,7 @@ def folder_of(study: Path) -> Path:
 
 def first_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
-    place = figures.places(reply.record)[0]
+    place = figures.ranked_places(reply.record)[0]
     return with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
@@ -133,7 +133,7 @@ def answer_page(
     leading = records[lead]
     sentences = page_words.answers(records, voc)
     parts = page_words.page_lines(sentences, lead)
-    panels = figures.places(leading)  # the worst first
+    panels = figures.ranked_places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     missing = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
@@ -158,7 +158,7 @@ def answer_page(
         "warnings": [],  # before everything else
         "lead": parts[0],
         "first": first,
-        "key": figures.key(leading),  # of the first picture: measured, both models
+        "key": figures.model_labels(leading),  # of the first picture: measured, both models
         "sections": [
             Section(name, commands, [each for each in named_tables if each], pictures)
             for name, commands, named_tables, pictures in zip(titles, parts[1:], tables, drawn, strict=True)

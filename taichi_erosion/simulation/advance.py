@@ -7,14 +7,14 @@ import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.core.transfer import download, download_field, upload, write
+from taichi_erosion.core.transfer import download, download_field, upload, write_field
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.capacities import with_doubled_lists
 from taichi_erosion.simulation.grain_decomposition.step import run_steps
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
 from taichi_erosion.simulation.step import run_replicas, run_teams
-from taichi_erosion.simulation.team import judge, note_launch, spins_most, team_size
+from taichi_erosion.simulation.team import adapt_size, note_launch, spins_most, team_size
 from taichi_erosion.simulation.wind_driver import exchange_when_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
@@ -90,7 +90,7 @@ def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:
     """Run so many steps of every replica in its partitions, by teams of a size or by single workers."""
     replicas, count = sim.world.replicas, len(steps)
     for signal in (replicas.arrivals, replicas.late, replicas.pause):
-        write(signal, 0)
+        write_field(signal, 0)
     if largest_team(sim) > 1:
         # teams of one too: another kernel would have to be loaded first, a second of a core
         run_teams(count, size, sim.chunk, sim.world, sim.coupling)
@@ -111,7 +111,7 @@ def note_team(sim: Simulation, size: int, wall: float, processor_time: float) ->
     if most > 1 and sim.team.adapts:
         late = bool(download([sim.world.replicas.late], 0, count)[0].any())
         note_launch(sim.team, count, size, wall, processor_time)
-        judge(sim.team, count, size, most, late)
+        adapt_size(sim.team, count, size, most, late)
 
 
 def statuses(sim: Simulation) -> Integers:

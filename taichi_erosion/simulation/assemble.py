@@ -17,7 +17,7 @@ from taichi_erosion.core.effect_device import DeviceEffects, bind, write_constan
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import impl
-from taichi_erosion.core.transfer import device_fields, download_field, write
+from taichi_erosion.core.transfer import device_fields, download_field, write_field
 from taichi_erosion.coupling.coupling_state import CouplingState, allocate_coupling, upload_exchange_settings
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
@@ -236,7 +236,7 @@ def reuse_or_assemble(
         return assemble(listed, laws, numerics)
     for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):
         for table in device_fields(record):
-            write(table, 0)
+            write_field(table, 0)
     before.setups = listed
     everyone = padded_with_copies(listed, before.capacities)
     for effects in bound_effects(before.world).values():

@@ -67,7 +67,7 @@ def wall_overlap(world: ti.template(), i, e):
 
 
 @ti.func
-def add(numbers_out: ti.template(), row, column, number):
+def add_number(numbers_out: ti.template(), row, column, number):
     """Add to a number that no other thread writes."""
     numbers_out[row, column] = numbers_out[row, column] + number
 
@@ -82,9 +82,9 @@ def add_motion(world: ti.template(), sums_out: ti.template(), r, row, rank):
     velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
     spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
     position = position_of(world.grains, world.replicas, r, i)
-    add(sums_out, row, TRANSLATION, 0.5 * mass * velocity.norm_sqr())
-    add(sums_out, row, ROTATION, 0.5 * inertia * spin.norm_sqr())
-    add(sums_out, row, POTENTIAL, -mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64)))
+    add_number(sums_out, row, TRANSLATION, 0.5 * mass * velocity.norm_sqr())
+    add_number(sums_out, row, ROTATION, 0.5 * inertia * spin.norm_sqr())
+    add_number(sums_out, row, POTENTIAL, -mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64)))
     sums_out[row, SPEED] = ti.max(sums_out[row, SPEED], ti.cast(velocity.norm(), ti.f64))
 
 
@@ -93,8 +93,8 @@ def add_contact(
     world: ti.template(), entries: ti.template(), sums_out: ti.template(), row, e, overlap, radius
 ):
     """Stored energy [J] of a contact that acts, and its overlap over a radius [1]."""
-    add(sums_out, row, STORED, entry_energy(world, entries, e, overlap))
-    add(sums_out, row, CONTACTS, 1.0)
+    add_number(sums_out, row, STORED, entry_energy(world, entries, e, overlap))
+    add_number(sums_out, row, CONTACTS, 1.0)
     sums_out[row, OVERLAP] = ti.max(sums_out[row, OVERLAP], ti.cast(overlap / radius, ti.f64))
 
 

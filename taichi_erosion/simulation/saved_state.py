@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.effect_device import state_fields
-from taichi_erosion.core.transfer import download, download_field, members, upload, write
+from taichi_erosion.core.transfer import download, download_field, members, upload, write_field
 from taichi_erosion.grains.clumps import NOWHERE
 from taichi_erosion.grains.frozen_drag import FrozenDrag
 from taichi_erosion.grains.neighbour_list import ENGAGED
@@ -51,7 +51,7 @@ def download_members(prefix: str, owner: Any, names: tuple[str, ...], first: int
     return {prefix + name: values for name, values in zip(names, arrays, strict=True)}
 
 
-def columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
+def saved_columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
     """Fields of a record, each with its values in a checkpoint."""
     return [(getattr(owner, name), state[prefix + name]) for name in names]
 
@@ -110,7 +110,7 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     upload([(replicas.side, [0.0]), (replicas.stale, [1.0])], replica)
     need = download_field(replicas.need)
     need[replica] = 0
-    write(replicas.need, need)
+    write_field(replicas.need, need)
     import_replica(sim, replica, bed)
 
 
@@ -176,16 +176,16 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     ensure_capacity(sim, state)
     world, count = sim.world, len(sim.setups)
     replicas = world.replicas
-    clocks = columns("", replicas, REPLICA, state)
+    clocks = saved_columns("", replicas, REPLICA, state)
     upload([*clocks, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
     for name in FAULT:
         field = getattr(replicas, name)
-        write(field, in_room(state[name], field.shape))
+        write_field(field, in_room(state[name], field.shape))
     sums = (world.walls.push, world.walls.stiffness)
     for gone in (replicas.need, world.grains.force, world.grains.torque, *sums):
-        write(gone, 0)
+        write_field(gone, 0)
     if sim.capacities.surfaces:
-        upload(columns("surface_", world.walls, SURFACE, state))
+        upload(saved_columns("surface_", world.walls, SURFACE, state))
     for r in range(count):
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
@@ -193,7 +193,7 @@ def import_state(sim: Simulation, state: Arrays) -> None:
         whole = download_field(field)  # of another number of replicas where the grains were divided otherwise
         rows = min(len(whole), len(state[name]))
         whole[:rows] = state[name][:rows]
-        write(field, whole)
+        write_field(field, whole)
 
 
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
@@ -231,18 +231,18 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     if sim.buffers is not None:
         part = part | {"bounds": np.array([0, len(part["ident"])])}
         upload([(world.replicas.partitions, [1.0])], r)
-    upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
-    upload(columns("", world.grains, RATE, part), r * rows)
+    upload(saved_columns("", world.grains, GRAIN, part), 2 * r * rows)
+    upload(saved_columns("", world.grains, RATE, part), r * rows)
     if world.has_external_forces:
-        upload(columns("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
+        upload(saved_columns("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
     if world.sleeps:
-        upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
+        upload(saved_columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
     for name, (numbers, start) in effect_states(sim).items():
         fresh = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
         upload([(numbers, part.get(f"effect_{name}", fresh))], 2 * r * sim.capacities.grains)
     import_lists(sim, r, part)
     if world.has_clumps:
-        upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
+        upload(saved_columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
         rank = np.full(rows, NOWHERE)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
         upload([(world.clumps.rank, rank)], r * rows)
@@ -253,11 +253,11 @@ def import_lists(sim: Simulation, r: int, part: Arrays) -> None:
     world, rows = sim.world, sim.capacities.grains
     bounds = download_field(world.replicas.bounds)
     bounds[r, : len(part["bounds"])] = part["bounds"]
-    write(world.replicas.bounds, bounds)
+    write_field(world.replicas.bounds, bounds)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.capacities.primitives}
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}number"].astype(np.int64)
-        entries = columns(prefix, table, names, part)
+        entries = saved_columns(prefix, table, names, part)
         entries.append((table.owner, np.repeat(np.arange(len(number)), number)))
         by_grain = sim.buffers is not None and table is world.pairs
         (upload_by_grain if by_grain else upload_entries)(sim, r, table, number, entries)
@@ -303,7 +303,7 @@ def upload_by_grain(
     upload([(buffers.partners, partners)], r * stride)
     upload([(buffers.listed, [most])], r)
     for rows_out in (buffers.force, buffers.torque, buffers.back, buffers.acts):
-        write(rows_out, 0)
+        write_field(rows_out, 0)
 
 
 def scatter(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
@@ -352,4 +352,4 @@ def upload_reach(
         table["after_low"][r, p] = behind.min(initial=count)
         table["after_high"][r, p] = behind.max(initial=-1) + 1
     for name, values in table.items():
-        write(getattr(replicas, name), values)
+        write_field(getattr(replicas, name), values)

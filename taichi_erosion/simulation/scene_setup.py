@@ -93,7 +93,7 @@ def can_act(scene: Scene, effect: Effect) -> bool:
         )
 
 
-def acts(scene: Scene, effect: Effect) -> bool:
+def makes_difference(scene: Scene, effect: Effect) -> bool:
     """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
     params, strength = checked_params(scene, effect)
     circumstances = circumstances_of(scene)

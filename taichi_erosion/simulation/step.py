@@ -197,7 +197,7 @@ def integrate(world_out: ti.template(), r, member, size, step, is_last):
 
 
 @ti.func
-def tick(world_out: ti.template(), r):
+def advance_clock_and_walls(world_out: ti.template(), r):
     """Advance walls and clock by one step; where a worker was late, the launch ends after the next one."""
     (replicas_out,) = ti.static((world_out.replicas,))
     move_walls(world_out.walls, replicas_out, r)
@@ -217,7 +217,7 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
     phase = step_barrier(replicas_out, r, size, phase)
     integrate(world_out, r, member, size, step, is_last)
     if member == 0:
-        tick(world_out, r)
+        advance_clock_and_walls(world_out, r)
     return step_barrier(replicas_out, r, size, phase)
 
 

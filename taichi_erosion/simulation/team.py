@@ -60,7 +60,7 @@ def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: 
     team.processor_time += processor_time
 
 
-def judge(team: Team, teams: int, size: int, most: int, late: bool) -> None:
+def adapt_size(team: Team, teams: int, size: int, most: int, late: bool) -> None:
     """Leave a worker out of every team, or take some back, by what the last launches got of the cores."""
     now = time.perf_counter()
     team.left_out = min(team.left_out, most - 1)

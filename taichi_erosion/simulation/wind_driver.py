@@ -11,7 +11,7 @@ from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.air_setup import AirSetup, bed_gradient, initial_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
-from taichi_erosion.core.transfer import download, download_field, upload, write
+from taichi_erosion.core.transfer import download, download_field, upload, write_field
 from taichi_erosion.coupling.exchange import spin_up
 from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
 from taichi_erosion.simulation.assemble import Simulation
@@ -60,7 +60,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
         for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
             whole = download_field(field)
             whole[replica] *= factor**power
-            write(field, whole)
+            write_field(field, whole)
     else:
         u, v, w = initial_wind(setup, after)
         set_velocities(air, replica, (u, v, w))

@@ -100,12 +100,14 @@ def why_no_condition(
     summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
     if summary or RESULTS.search(plain_words(heading)):
         return "it is a result beside the measured quantity"
-    if any(restates(values, each) for each in results):
+    if any(is_computed_from(values, each) for each in results):
         return AGAIN
-    if same := [text for text, other in others.items() if is_again(values, other) or follows(values, other)]:
+    if same := [
+        text for text, other in others.items() if is_parabola_of(values, other) or follows(values, other)
+    ]:
         return f"it changes with '{same[0]}' alone"
     many = distinct.size > values.size / 2 and differs_within(values, rest)
-    if many and np.ptp(rest) > 0.0 and not any(acts(values, each, rest) for each in results):
+    if many and np.ptp(rest) > 0.0 and not any(affects(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
@@ -125,7 +127,7 @@ def differs_within(column: Floats, other: Floats) -> bool:
     return np.unique(number_sets([other, column])).size > np.unique(other).size
 
 
-def is_again(column: Floats, other: Floats) -> bool:
+def is_parabola_of(column: Floats, other: Floats) -> bool:
     """Whether a column is a parabola of another one."""
     both = np.isfinite(column) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
@@ -133,10 +135,10 @@ def is_again(column: Floats, other: Floats) -> bool:
     return unexplained_share(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
-def restates(column: Floats, result: Floats) -> bool:
+def is_computed_from(column: Floats, result: Floats) -> bool:
     """Whether a column is computed from a measured quantity: it follows it within their last digits."""
     x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
-    if not is_again(x, y):
+    if not is_parabola_of(x, y):
         return False
     basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
@@ -152,7 +154,7 @@ def last_digit(values: Floats) -> float:
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
-def acts(values: Floats, result: Floats, rest: Floats) -> bool:
+def affects(values: Floats, result: Floats, rest: Floats) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)
     free = int(both.sum()) - np.unique(rest[both]).size - 2

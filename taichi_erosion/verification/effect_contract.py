@@ -22,10 +22,10 @@ from taichi_erosion.core.effect_file import (
     checked_number,
     compile_failure,
     effect_in,
+    error_text,
     failures_of,
     line_of,
     read_effect_files,
-    reason,
 )
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsify, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
@@ -307,7 +307,7 @@ def breaches(effect: Effect, probe: Probe) -> list[str]:
         try:
             faults += clause(effect, probe)
         except Exception as error:
-            message = f"{name}: cannot be told{line_of(error)}: {reason(error)}"
+            message = f"{name}: cannot be told{line_of(error)}: {error_text(error)}"
             faults.append(compile_failure(error) or message)
     return list(dict.fromkeys(faults))
 

@@ -13,7 +13,7 @@ from benchmarks.wind_cases import SCENES, STEP_FRACTION, WINDS, threshold_scene
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, upload, write
+from taichi_erosion.core.transfer import device_record, upload, write_field
 from taichi_erosion.scene import load_scene
 from taichi_erosion.scene.load import INSTALLED
 from taichi_erosion.simulation import assemble
@@ -63,7 +63,7 @@ GRAIN, ENTRY, CONTACT = 10 + 2 * 9 + 3 + 2 * 6 + 5, 6 + 1 + 1 + 12, 3 + 2 * 6 + 
 
 def test_every_number_counts_once_for_every_stage_that_reads_or_writes_it():
     sim = assemble([heap(GRAINS, 1)] * 2, Laws(), Numerics("cpu", 1, "f32", "grains"))
-    write(sim.buffers.partners, 0)
+    write_field(sim.buffers.partners, 0)
     upload([(sim.buffers.partners, [ENTRIES])])
     found = step_bytes(sim, CONTACTS)
     stop_device()

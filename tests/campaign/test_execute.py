@@ -9,7 +9,7 @@ import stand_in
 from stand_in import carry_out, opened
 
 from taichi_erosion.campaign import execute as execution
-from taichi_erosion.campaign.execute import WORK_MOST, next_batch, pace
+from taichi_erosion.campaign.execute import WORK_MOST, next_batch, seconds_per_work
 from taichi_erosion.campaign.ledger import unfinished_runs
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
@@ -76,6 +76,6 @@ def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
 
 def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():
     runs = {name: RunRequest(name, {}, work=work) for name, work in (("small", 1e8), ("large", 1e9))}
-    assert pace(runs, {}) == START / WORTH_A_START  # s per grain-step
-    assert pace(runs, {"small": 40.0}) == 4e-7
-    assert pace(runs, {"small": 40.0, "large": 180.0}) == pytest.approx(2e-7)
+    assert seconds_per_work(runs, {}) == START / WORTH_A_START  # s per grain-step
+    assert seconds_per_work(runs, {"small": 40.0}) == 4e-7
+    assert seconds_per_work(runs, {"small": 40.0, "large": 180.0}) == pytest.approx(2e-7)

@@ -55,7 +55,7 @@ def test_a_field_lies_in_memory_where_taichi_finds_it(start_device, name):
     fields = some_fields()
     field, view = fields[name], field_view(fields[name])
     number = (7.0 + np.arange(view.size)).reshape(view.shape).astype(view.dtype)
-    transfer.write(field, number)
+    transfer.write_field(field, number)
     np.testing.assert_array_equal(field.to_numpy(), number)
     field.from_numpy(number + 1)
     np.testing.assert_array_equal(transfer.download_field(field), number + 1)
@@ -66,7 +66,7 @@ def test_a_field_lies_in_memory_where_taichi_finds_it(start_device, name):
 def test_fields_that_are_declared_later_are_found_too(start_device):
     start_device(Numerics("cpu", 1))
     first = ti.field(ti.f64, shape=ROWS)
-    transfer.write(first, 2.0)
+    transfer.write_field(first, 2.0)
     later = ti.field(ti.i32, shape=ROWS)
     later.from_numpy(np.arange(ROWS, dtype=np.int32))
     assert transfer.download_field(later).tolist() == [0, 1, 2, 3, 4]

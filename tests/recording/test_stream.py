@@ -9,7 +9,7 @@ import recorded_heaps as heaps
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.pictures import night
+from taichi_erosion.recording.pictures import night_background
 from taichi_erosion.recording.readback import read_chunks, read_grains, read_rows
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -32,7 +32,7 @@ def heap(tmp_path_factory) -> Path:
             if frame == 2:
                 stream.log_wall_removed(recording, TUBE.name)
                 stream.log_text(recording, "WARN", "the heap is truncated by the plate")
-                stream.log_image(recording, "silhouette", night((30, 20)))
+                stream.log_image(recording, "silhouette", night_background((30, 20)))
         stream.set_properties(recording, "doe", {"contact.soil-soil.friction_rolling": 0.3})
         result = {"repose_angle": 33.5, "flag": None, "n": 3, "straight": True}
         stream.set_properties(recording, "result", result)

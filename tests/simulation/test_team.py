@@ -3,7 +3,7 @@
 import pytest
 
 from taichi_erosion.simulation import team as module
-from taichi_erosion.simulation.team import Team, judge, note_launch, spins_most, team_size
+from taichi_erosion.simulation.team import Team, adapt_size, note_launch, spins_most, team_size
 
 LAUNCH = 0.22  # s, beyond the window of a judgement
 
@@ -21,7 +21,7 @@ class Machine:
             size = team_size(self.team, most)
             self.now += LAUNCH
             note_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
-            judge(self.team, 1, size, most, late and size > free)
+            adapt_size(self.team, 1, size, most, late and size > free)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ import numpy as np
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, is_host, write
+from taichi_erosion.core.transfer import device_record, is_host, write_field
 
 real = ti.f64
 
@@ -90,7 +90,7 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
         conductance_z=ti.field(real, shape=(*cells[:2], cells[2] + 1)),
         **{name: ti.field(real, shape=cells) for name in (*names, "right_side", "solution", "residual")},
     )
-    write(levels.shape, np.column_stack([first, shapes]))
+    write_field(levels.shape, np.column_stack([first, shapes]))
     return levels
 
 

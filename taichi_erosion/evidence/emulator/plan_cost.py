@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import pace
+from taichi_erosion.campaign.execute import seconds_per_work
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
@@ -65,9 +65,9 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     workers = training.study.file.campaign.workers or usable_cores()
     if any(request.arch != "cpu" for request in missing):
         workers = 1  # holds the device
-    second, kinds = pace(by_key, done) / workers, {effects[key] for key in done}
+    second, kinds = seconds_per_work(by_key, done) / workers, {effects[key] for key in done}
     done_of = {each: {key: done[key] for key in done if effects[key] == each} for each in kinds}
-    seconds_of = {each: pace(by_key, ended) / workers for each, ended in done_of.items()}
+    seconds_of = {each: seconds_per_work(by_key, ended) / workers for each, ended in done_of.items()}
     room = max(room_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles

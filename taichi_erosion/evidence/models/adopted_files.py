@@ -12,7 +12,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import Protocol
 
-from taichi_erosion.campaign.study_file import entry, with_entry
+from taichi_erosion.campaign.study_file import toml_entry, with_entry
 from taichi_erosion.core.effect_file import EffectFile, effect_in
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.evidence.data.problem import REACH
@@ -81,7 +81,7 @@ def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -
 
 def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
     """A TOML text of a folder that names effect files too, by paths relative to the folder."""
-    stated = list(entry(text, (section, "effect_files")) or ())
+    stated = list(toml_entry(text, (section, "effect_files")) or ())
     there = {(folder / name).resolve() for name in stated}
     missing = [relpath(file.path, folder.resolve()) for file in files if file.path not in there]
     return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text

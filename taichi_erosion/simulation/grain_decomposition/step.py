@@ -17,7 +17,7 @@ from taichi_erosion.simulation.grain_decomposition.forces import (
     move_grain,
 )
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
-from taichi_erosion.simulation.step import OVERLAP, required_action, tick
+from taichi_erosion.simulation.step import OVERLAP, advance_clock_and_walls, required_action
 
 APART_LEAST = 4_000_000  # places of list entries from which on tasks run apart: docs/speed.md
 WAIT = 4  # steps between two looks at the lists of several replicas: one that waits lets the others go on
@@ -27,7 +27,7 @@ WAIT = 4  # steps between two looks at the lists of several replicas: one that w
 class Stages:
     """Stages of a step, and of what is due between steps."""
 
-    judge: Stage
+    decision: Stage
     rebuild: tuple[Stage, ...]
     exchange: tuple[Stage, ...]
     forces: Stage
@@ -43,7 +43,7 @@ def always(world: ti.template(), coupling: ti.template(), buffers: ti.template()
 
 
 @ti.func
-def judge(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+def decide_action(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """What replica r needs before its next step: new lists, an exchange, nothing, or its end."""
     (replicas_out,) = ti.static((world_out.replicas,))
     stepping, renewing = 0, 0
@@ -65,7 +65,7 @@ def judge(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.tem
 
 @ti.func
 def clear_flags(buffers_out: ti.template()):
-    """Clear what the next `judge` sets for all replicas together."""
+    """Clear what the next `decide_action` sets for all replicas together."""
     buffers_out.listing[0], buffers_out.exchanging[0], buffers_out.running[0] = 0, 0, 0
 
 
@@ -117,7 +117,7 @@ def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
     """Clock, walls and faults of replica r, and whether it waits for a look."""
     (replicas_out,) = ti.static((world_out.replicas,))
     note_fault(world_out, buffers_out, r)
-    tick(world_out, r)
+    advance_clock_and_walls(world_out, r)
     replicas_out.steps_left[r] = replicas_out.steps_left[r] - 1
     waits = replicas_out.steps_left[r] == 0 or required_action(world_out, r) != 0
     if waits or is_exchanging(world_out, coupling, buffers_out, r):
@@ -138,7 +138,7 @@ def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers)
         motion = ((is_moving, join_forces, grains),), bodies
     wait = min(WAIT, world.replicas.count)
     rebuild, exchange = rebuild_stages(world, buffers), exchange_stages(world, coupling)
-    look = ((always, judge, 1),)
+    look = ((always, decide_action, 1),)
     look_and_steps = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
     return Stages(look, rebuild, exchange, forces, motion, wait, look_and_steps)
 
@@ -164,7 +164,7 @@ def run_stage(
 
 
 @ti.func
-def look(
+def renew_and_exchange(
     stages: ti.template(),
     world_out: ti.template(),
     coupling_out: ti.template(),
@@ -173,7 +173,7 @@ def look(
     phase,
 ):
     """What is due between two steps: lists and exchanges; returns the next barrier."""
-    phase = run_stage(stages.judge, world_out, coupling_out, buffers_out, thread, phase)
+    phase = run_stage(stages.decision, world_out, coupling_out, buffers_out, thread, phase)
     if buffers_out.listing[0] > 0:
         for stage in ti.static(stages.rebuild):
             phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
@@ -198,7 +198,7 @@ def advance_together(
     phase, done, looks, going = 1, 0, True, True
     while going:
         if looks:
-            phase = look(stages, world_out, coupling_out, buffers_out, thread, phase)
+            phase = renew_and_exchange(stages, world_out, coupling_out, buffers_out, thread, phase)
             going = buffers_out.running[0] > 0
         if going:
             if looks and thread == 0:
