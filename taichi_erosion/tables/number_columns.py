@@ -89,7 +89,7 @@ def why_no_condition(
     """
     distinct, rest = np.unique(values), number_sets([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
-        tells = any(acts(np.nan_to_num(values), each, rest) for each in results)
+        tells = any(affects(np.nan_to_num(values), each, rest) for each in results)
         return "" if tells else "it is not known in every row"
     whole = bool(np.all(values == np.round(values)))
     if distinct.size == 1:
