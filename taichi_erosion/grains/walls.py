@@ -104,7 +104,11 @@ def revolved_offset(walls: ti.template(), w, position):
     to_point = ti.Vector([radius - low_radius, height - low_height])
     share = ti.math.clamp(to_point.dot(along) / along.norm_sqr(), 0.0, 1.0)
     away = to_point - share * along
-    return away[0] * radial / ti.max(radius, LENGTH_LEAST) + away[1] * axis
+    offset = away[0] * radial / ti.max(radius, LENGTH_LEAST) + away[1] * axis
+    if radius == 0.0:  # on the axis every way across it is as near
+        x = ti.select(ti.abs(axis[0]) < 0.5, 1.0, 0.0)
+        offset += away[0] * axis.cross(ti.Vector([x, 1.0 - x, 0.0])).normalized()
+    return offset
 
 
 @ti.func

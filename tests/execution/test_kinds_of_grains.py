@@ -31,6 +31,7 @@ materials.light = { density = 1000.0, shear_modulus = 1e7, poisson_ratio = 0.3 }
 materials.heavy = { density = 3000.0, shear_modulus = 2e7, poisson_ratio = 0.2 }
 contact.light-light = { restitution = 0.4, friction_sliding = 0.0 }
 contact.heavy-heavy = { restitution = 0.9, friction_sliding = 0.0 }
+geometry.tube = { shape = "cylinder", radius = 0.05, length = 0.1, material = "light" }  # about the first
 fill.law = "positions"
 fill.grains = [
   { kind = "light", position = [0.0, 0.0, 0.0], velocity = [0.3, 0.0, 0.0] },
