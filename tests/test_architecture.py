@@ -76,8 +76,7 @@ def handed_over(function: ast.FunctionDef, signatures: dict[str, list[str]]) -> 
     """Arguments of calls that the called function writes to."""
     for node in ast.walk(function):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            names = signatures.get(node.func.id, [])
-            positional = list(zip(names, node.args, strict=False))
+            positional = list(zip(signatures.get(node.func.id, []), node.args, strict=False))
             named = [(keyword.arg or "", keyword.value) for keyword in node.keywords]
             yield from (argument for name, argument in positional + named if name.endswith("_out"))
 
@@ -112,8 +111,7 @@ def test_signatures_stay_short(path):
 def test_folders_stay_small():
     free = {PACKAGE / "effect_library", PACKAGE / "mechanisms" / "basis"}
     counts = {path.parent: len(list(path.parent.glob("[!_]*.py"))) for path in PACKAGE.rglob("*.py")}
-    crowded = {folder for folder, count in counts.items() if count > MOST_MODULES}
-    assert crowded - free == set()
+    assert {folder for folder, count in counts.items() if count > MOST_MODULES} - free == set()
 
 
 @each_file

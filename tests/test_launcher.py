@@ -100,14 +100,12 @@ def test_the_first_use_makes_the_environment_and_later_ones_do_not(tree):
     (installation,) = [line for line in tree.asked.read_text().splitlines() if line.startswith("pip")]
     assert installation.endswith("--editable .[test] --constraint constraints.txt")
     assert tree.installations() == ["venv", "pip"]
-    again = tree.call("run", "a scene.toml", "--json")
-    assert again.stdout == first.stdout
+    assert tree.call("run", "a scene.toml", "--json").stdout == first.stdout
     assert tree.installations() == []
 
 
 def test_an_environment_that_is_a_link_is_used_as_it_is(used, tmp_path):
-    elsewhere = (used.root / ".venv").rename(tmp_path / "environment")
-    (used.root / ".venv").symlink_to(elsewhere)
+    (used.root / ".venv").symlink_to((used.root / ".venv").rename(tmp_path / "environment"))
     (used.root / "constraints.txt").write_text("numpy==2.4.7\n")
     assert used.call("run").stdout == "taichi-erosion run\n"
     assert used.installations() == []
@@ -200,8 +198,7 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
     assert tree.call("test").returncode == 0
     # on the other engine when it is named
     answer = tree.call("test", "--engine", "quadrants")
-    marked = "pytest -m not slow and not gpu -n logical --dist worksteal --engine quadrants\n"
-    assert answer.stdout == marked
+    assert answer.stdout == "pytest -m not slow and not gpu -n logical --dist worksteal --engine quadrants\n"
 
 
 def test_words_after_test_go_to_pytest_alone_from_the_root_and_bytecode_is_kept_for_it(tree, tmp_path):

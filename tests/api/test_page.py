@@ -164,8 +164,7 @@ def test_an_earlier_state_is_shown_and_the_run_starts_there_again(page, monkeypa
     assert state(page)["kept"][-1] == late, "later ones stay until it runs on"
     send(page, f"set {FRICTION} 0.5")
     send(page, "step 20")
-    now = state(page)
-    assert now["kept"] == [*times[:2], times[1]], "of those before, and before the change"
+    assert state(page)["kept"] == [*times[:2], times[1]], "of those before, and before the change"
     assert [line.split()[0] for line in page.session.history] == ["run", "set", "run"]
 
 

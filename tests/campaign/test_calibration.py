@@ -85,8 +85,7 @@ def test_every_step_finds_what_the_closed_form_hides(found):
     assert path.best > 0
     assert distances[path.best] < distances[0] - 1.0
     # the surface rests on 17 runs: its prediction is good to about 2 sd / sqrt(17 / 10) of the noise
-    settings = found.optimum.optima[0].settings
-    assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
+    assert true_angle(found.optimum.optima[0].settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
     test = found.document["confirm"]["tests"]["repose_angle"]
     assert test["runs"]["n"] == STUDY["design"]["confirm"]
     assert abs(test["difference"]) < 3.0 * closed_form.NOISE
@@ -106,8 +105,7 @@ def test_every_design_finds_the_same_optimum(found, tmp_path, monkeypatch, entri
     assert np.abs(other.surface.design.coded).max() == furthest
     assert other.surface.design.factors == found.surface.design.factors
     # settings that meet the target form a face: what agrees is the value, here and at the other's optimum
-    settings = other.optimum.optima[0].settings
-    assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
+    assert true_angle(other.optimum.optima[0].settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
     there = found.optimum.optima[0].coded[None, :]
     (low, high), (other_low, other_high) = (
         calibration.surface.fits["repose_angle"].interval(there)[0] for calibration in (found, other)
@@ -124,8 +122,7 @@ def test_every_design_finds_the_same_optimum(found, tmp_path, monkeypatch, entri
 )
 def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place, said):
     unit = {"low": 0.0, "high": 1.0}
-    limited = {"low": 0.1, "high": 0.9, "least": 0.0, "most": 1.0}
-    parameters = {"friction": limited, "b": unit, "c": unit}
+    parameters = {"friction": {"low": 0.1, "high": 0.9, "least": 0.0, "most": 1.0}, "b": unit, "c": unit}
     ranges = [Factor("friction", *place), Factor("b", 0.4, 0.6), Factor("c", 0.4, 0.6)]
     design = {"surface": "central_composite"}
     study = read_calibration_study(write_study(tmp_path, design=design, parameters=parameters))
@@ -171,8 +168,7 @@ def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, t
 
 def test_the_design_alone_runs_nothing(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    study = write_study(tmp_path)
-    assert main(["doe", "design", str(study)]) == ExitCode.SUCCESS
+    assert main(["doe", "design", str(write_study(tmp_path))]) == ExitCode.SUCCESS
     assert "friction_rolling" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "study").iterdir()) == ["screen.csv", "written.json"]
 

@@ -60,8 +60,7 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
 
     monkeypatch.setattr(execution, "start_pool", start)
     monkeypatch.setattr(execution, "refuse_missing_devices", looked.append)
-    found = carry_out(tmp_path, on_device(tmp_path, "cuda"))
-    assert [result.failure for result in found] == [None] * 4
+    assert [result.failure for result in carry_out(tmp_path, on_device(tmp_path, "cuda"))] == [None] * 4
     assert (started, looked) == ([1], [{"cuda"}])
 
 

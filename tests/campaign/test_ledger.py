@@ -64,8 +64,7 @@ def undisturbed(tmp_path_factory) -> Table:
 
 def test_a_killed_worker_costs_only_the_run_it_was_at(tmp_path, undisturbed):
     assert carried_out(tmp_path, mishaps={37: "kills once", 90: "kills once"}) == undisturbed
-    repeated = {seed for seed, times in Counter(starts(tmp_path)).items() if times > 1}
-    assert repeated == {37, 90}
+    assert {seed for seed, times in Counter(starts(tmp_path)).items() if times > 1} == {37, 90}
 
 
 def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(tmp_path, undisturbed):
@@ -95,8 +94,7 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
 def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undisturbed):
     (tmp_path / "journal").touch()
     parents = [start_parent(tmp_path, 2.0 * SLOW) for _ in range(2)]
-    said = [parent.communicate(timeout=PATIENCE)[0].strip() for parent in parents]
-    assert said == [str(RUNS)] * 2
+    assert [parent.communicate(timeout=PATIENCE)[0].strip() for parent in parents] == [str(RUNS)] * 2
     assert Counter(starts(tmp_path)) == Counter(range(RUNS))
     assert len(processes(tmp_path)) > 2  # workers of both parents
     assert carried_out(tmp_path) == undisturbed
@@ -127,8 +125,7 @@ def test_the_first_result_of_a_run_stays(tmp_path):
 def test_failed_runs_are_results_with_their_reason(tmp_path):
     found = carried_out(tmp_path, mishaps={3: "fails", 5: "raises", 8: "kills"})
     reasons = {key: failure for key, _, failure in found if failure}
-    killed = reasons.pop("scene-8")
-    assert "3 workers died of it; the last: killed by signal 9" in killed
+    assert "3 workers died of it; the last: killed by signal 9" in reasons.pop("scene-8")
     assert reasons == {"scene-3": "grains overlap", "scene-5": "ValueError: no such soil"}
     assert len(found) == RUNS
 

@@ -104,8 +104,7 @@ def test_an_entry_that_is_not_there_gets_its_section_or_its_place_between_braces
     path = ("effects", "liquid_bridge", "strength")
     after = with_entry(SCENE, path, 1.5)
     assert changed_lines(SCENE, after) == ["[effects.liquid_bridge]", "strength = 1.5"]
-    again = with_entry(after, path, 0.5)
-    assert changed_lines(SCENE, again) == ["[effects.liquid_bridge]", "strength = 0.5"]
+    assert changed_lines(SCENE, with_entry(after, path, 0.5)) == ["[effects.liquid_bridge]", "strength = 0.5"]
     # no comment between braces
     changed = with_entry("a = { b = 1.0, c = 2.0 }\n", ("a", "b"), 2.0, "calibrated")
     assert tomllib.loads(changed) == {"a": {"b": 2.0, "c": 2.0}}

@@ -32,8 +32,7 @@ def test_the_notebook_has_the_cells_of_the_page_and_what_they_give():
 
 
 def test_the_cells_lead_from_a_table_to_a_lower_error_and_a_heap(tmp_path, monkeypatch):
-    tutorial = runpy.run_path(str(DOCS / "tutorial.py"))
-    monkeypatch.chdir(tutorial["copy_tree"](tmp_path))
+    monkeypatch.chdir(runpy.run_path(str(DOCS / "tutorial.py"))["copy_tree"](tmp_path))
     names: dict[str, Any] = {}
     for cell in CELLS:
         exec(cell, names)

@@ -96,8 +96,7 @@ def check_value(value: Any, entry: Entry, ends: tuple[str, ...], where: str) -> 
 def checked(reply: Reply) -> dict[str, Any]:
     """The document of an answer, against the page."""
     found = json.loads(json.dumps(reply.document, allow_nan=False))
-    own = TABLES.get(reply.command, {})
-    check_record(found, TABLES[COMMON] | TABLES[ANSWER] | own, reply.command)
+    check_record(found, TABLES[COMMON] | TABLES[ANSWER] | TABLES.get(reply.command, {}), reply.command)
     for end in ("before", "after"):
         assert found[f"chi2_{end}"] == pytest.approx(found["n"] * found[f"chi2_per_row_{end}"])
     assert sum(found["probabilities"].values()) == pytest.approx(1.0)

@@ -61,8 +61,7 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
             Path(file).parent.mkdir(exist_ok=True)
             Path(file).write_text(text, encoding="utf-8")
         else:
-            words = [*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]
-            assert main(words) == 0, text
+            assert main([*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]) == 0, text
     results = Path("doe/own_effect/pores-results")
     discovered, adopted = read_reply(results, "pores", "discover"), read_reply(results, "pores", "adopt")
     assert (discovered.record.verdict, discovered.record.named) == ("present", (NAME,))

@@ -142,8 +142,7 @@ def test_a_part_of_a_scene_is_valid_in_the_scene_of_the_page(tmp_path, part):
     table = toml_table(ROOT / "scenes" / "column_collapse.toml")
     for section, entries in tomllib.loads(part).items():
         table[section] = table.get(section, {}) | entries
-    scene = parse_scene(table, folder=tmp_path, observables=tuple(OBSERVABLES))
-    assert scene.grains.count > 0
+    assert parse_scene(table, folder=tmp_path, observables=tuple(OBSERVABLES)).grains.count > 0
 
 
 def test_the_page_of_results_and_the_readme_of_a_study_show_the_tables_that_its_numbers_make():

@@ -17,8 +17,7 @@ GRAIN_STEPS = 2.5e7  # most that a run may take: some seconds of one core
 
 def test_a_run_takes_seconds() -> None:
     file = read_calibration_study(ROOT / STUDY)
-    request = scene_request(file.scene("centroid_height"), file.study.study.settings, 1)
-    assert request.work < GRAIN_STEPS
+    assert scene_request(file.scene("centroid_height"), file.study.study.settings, 1).work < GRAIN_STEPS
 
 
 def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tmp_path: Path, capsys) -> None:

@@ -43,8 +43,7 @@ def discovery(folder: Path, law: LawPart | None) -> str:
     """File of a discovery with a law."""
     about = {"format": FORMAT, "study": "soil.toml"}
     mechanisms = {law.mechanism: MechanismPart(0.9, DOSES, law)} if law else {}
-    record = replace(DISCOVERIES["null"], mechanisms=mechanisms)
-    write_reply(folder, "soil", Reply("discover", about, record))
+    write_reply(folder, "soil", Reply("discover", about, replace(DISCOVERIES["null"], mechanisms=mechanisms)))
     return str(folder / "soil.discover.json")
 
 

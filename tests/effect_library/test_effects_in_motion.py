@@ -117,8 +117,7 @@ def test_grains_that_have_not_touched_need_no_list_for_an_effect_after_touch():
     advance(sim, [0.02, 0.02])
     short, long = (export_state(sim)[f"replica{r}_pair_number"].sum() for r in range(2))
     assert short < 0.8 * long
-    ends = [snapshot(sim, r).position for r in range(2)]
-    assert np.allclose(*ends, rtol=0.0, atol=1e-6 * RADIUS)
+    assert np.allclose(*[snapshot(sim, r).position for r in range(2)], rtol=0.0, atol=1e-6 * RADIUS)
 
 
 def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them(worlds):

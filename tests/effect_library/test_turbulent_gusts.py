@@ -108,8 +108,7 @@ def test_the_equation_has_the_published_statistics():
     # some 2e4 independent gusts: the mean to 0.3 %, higher moments to a few percent; 24 waves have a kurtosis
     # of 3 - 1.5 / 24, so that the tail is a little short
     spread = sqrt(log(1.16))
-    normal = np.array([-2.326, 0.0, 2.326])
-    quantiles = np.exp(spread * normal - 0.5 * spread**2)
+    quantiles = np.exp(spread * np.array([-2.326, 0.0, 2.326]) - 0.5 * spread**2)
     assert ratio.mean() == pytest.approx(1.0, abs=0.01)
     assert np.quantile(ratio, (0.01, 0.5, 0.99)) == pytest.approx(quantiles, rel=0.03)
     streamwise, vertical = sampled(20.0 * FRICTION_VELOCITY, 0.05).T / FRICTION_VELOCITY

@@ -34,8 +34,7 @@ IDLE = {
 
 @pytest.mark.parametrize("name", IDLE)
 def test_a_check_tells_what_an_effect_needs_to_act(tmp_path: Path, name: str):
-    order = f"effects.{name}.strength=1"
-    (line,) = check_scene(write_scene(tmp_path), (order,))["limits"]["warnings"]
+    (line,) = check_scene(write_scene(tmp_path), ((f"effects.{name}.strength=1"),))["limits"]["warnings"]
     assert line.startswith(f"effect '{name}' does not act: {IDLE[name]}")
 
 
@@ -63,8 +62,7 @@ def test_a_condition_that_no_effect_reads_is_told_with_those_that_do(tmp_path: P
 def test_the_remedy_of_an_unread_condition_ends_the_warning(tmp_path: Path):
     path, order = write_scene(tmp_path), "conditions.moisture=0.02"
     (line,) = check_scene(path, (order,))["limits"]["warnings"]
-    remedy = line.partition("--set ")[2]
-    assert check_scene(path, (order, remedy))["limits"]["warnings"] == []
+    assert check_scene(path, (order, line.partition("--set ")[2]))["limits"]["warnings"] == []
 
 
 @pytest.mark.parametrize(

@@ -47,8 +47,7 @@ def masses(setup: Any) -> dict[str, float]:
 
 
 def test_shares_of_the_mass_become_numbers_of_grains_and_no_kind_lies_apart():
-    scene = load_scene(TWO, ["grains.count=6000", "domain.period=[0.03, 0.03]"])
-    setup = build_setup(scene, 1)
+    setup = build_setup(load_scene(TWO, ["grains.count=6000", "domain.period=[0.03, 0.03]"]), 1)
     of = masses(setup)
     assert of["aggregate"] / (of["sand"] + of["aggregate"]) == pytest.approx(0.3, rel=0.02)
     coarse = setup.grains.material == setup.materials.index("aggregate")

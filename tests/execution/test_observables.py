@@ -18,8 +18,7 @@ def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted
     scene = read_scene(
         SCENES / "funnel_repose.toml", [f"geometry.plate.{x}" for x in ("shape=disc", "radius=0.03")]
     )
-    fallen = heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)
-    whole = snapshot_of(np.concatenate([fallen, heap]))
+    whole = snapshot_of(np.concatenate([(heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)), heap]))
     for name, request in scene.measure.items():
         alone, found = (
             measure(name, MeasureInput(scene, request, s, (), ())) for s in (snapshot_of(heap), whole)

@@ -32,8 +32,7 @@ def test_a_file_changes_the_hash_where_its_effect_is_named_and_nowhere_else(scen
     (scene.parent / "glue.py").write_text(f"{PULL}\n# edited\n", encoding="utf-8")
     assert scene_hash(read_scene(scene, ())) == bare
     assert scene_hash(read_scene(scene, ON)) != pulled
-    named = scene.read_text("utf-8").replace('effect_files = ["glue.py"]\n', "")
-    scene.write_text(named, encoding="utf-8")
+    scene.write_text(scene.read_text("utf-8").replace('effect_files = ["glue.py"]\n', ""), encoding="utf-8")
     assert scene_hash(read_scene(scene, ())) == bare, "a file that is not used does not count"
 
 

@@ -26,8 +26,7 @@ def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused(tmp_path
 
 @pytest.mark.parametrize("suffix", [".rrd", ".json", ".png", ".gif"])
 def test_a_file_that_no_run_wrote_is_refused_before_anything_is_simulated(tmp_path, suffix):
-    path = (tmp_path / "heap.rrd").with_suffix(suffix)
-    path.write_text('{"mine": 1}')
+    (tmp_path / "heap.rrd").with_suffix(suffix).write_text('{"mine": 1}')
     with pytest.raises(BadInput, match=rf"heap\{suffix}: exists, and no run of scenes/heap\.toml wrote it"):
         refuse_foreign_outputs(tmp_path / "heap.rrd", SCENE)
     refuse_foreign_outputs(tmp_path / "heap.rrd", SCENE, force=True)

@@ -178,8 +178,7 @@ def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     live.run_for(session, 0.006)
     (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
-    before = next(wall for wall in recorder.walls if wall.name == "tube")
-    rise = tube.vertices[:, 2] - before.vertices[:, 2]
+    rise = tube.vertices[:, 2] - next(wall for wall in recorder.walls if wall.name == "tube").vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     live.next_stage(session)
     live.run_for(session, 0.006)
@@ -217,8 +216,7 @@ def test_a_piped_session_stops_at_a_mistake_and_keeps_its_recording(session, tmp
 
 def test_a_session_on_a_terminal_completes_words_and_goes_on(session, tmp_path, monkeypatch, capsys):
     readline = pytest.importorskip("readline")
-    orders = ["fly", "run 0.001s", "quit"]
-    record = read_input(session, monkeypatch, tmp_path, orders, is_terminal=True)
+    record = read_input(session, monkeypatch, tmp_path, ["fly", "run 0.001s", "quit"], is_terminal=True)
     assert record.exists()
     out = capsys.readouterr().out
     assert "'fly' is not a command" in out

@@ -59,8 +59,7 @@ def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scen
 
 
 def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene: Scene):
-    search = searched(scene, rolls=0.12, ramp=0.2, leaves=0.0, rests=0.1)
-    assert set(search.brackets) == {"rolling_onset"}
+    assert set(searched(scene, rolls=0.12, ramp=0.2, leaves=0.0, rests=0.1).brackets) == {"rolling_onset"}
 
 
 def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):

@@ -66,8 +66,7 @@ def test_a_sound_design_is_found_sound(tmp_path):
 
 
 def test_a_flipped_cell_of_a_box_behnken_design_is_one_of_two(tmp_path):
-    made = design.box_behnken(unit_factors("ABC"))
-    levels = made.coded.copy()
+    levels = design.box_behnken(unit_factors("ABC")).coded.copy()
     levels[5, 2] *= -1.0
     rows = [[*line, float(k)] for k, line in enumerate(levels)]
     found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "y"], rows))

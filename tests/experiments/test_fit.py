@@ -44,8 +44,7 @@ def test_any_quadratic_fit_agrees_with_the_type_iii_table_of_statsmodels(seed):
     y = rng.normal(size=len(made)) + made.coded @ [1.0, -2.0, 0.3]
     fit = fit_model(made.with_responses(y=y), "y", "quadratic")
     frame = pd.DataFrame(made.coded, columns=["a", "b", "c"]).assign(y=y)
-    formula = "y ~ a + b + c + a:b + a:c + b:c + I(a**2) + I(b**2) + I(c**2)"
-    theirs = ols(formula, frame).fit()
+    theirs = ols("y ~ a + b + c + a:b + a:c + b:c + I(a**2) + I(b**2) + I(c**2)", frame).fit()
     table = anova_lm(theirs, typ=3)
     for name, row in zip(fit.names, table.index[1:-1], strict=True):
         ours = textbook.rows_of(fit)[name]

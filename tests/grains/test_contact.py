@@ -93,8 +93,7 @@ def test_friction_is_mindlins_spring_up_to_coulombs_limit(contact):
     stiffness = 8.0 * SHEAR * np.sqrt(RADIUS * OVERLAP)
     limit = TABLE.friction_sliding[0] * 4.0 / 3.0 * YOUNG * np.sqrt(RADIUS) * OVERLAP**1.5
     displacements = np.array([0.0, 0.1, 0.99, 1.01, 50.0]) * limit / stiffness
-    found = contact(Laws(), TABLE, np.full(5, OVERLAP), displacements)
-    normal, _, _, friction, after, along, across = found
+    normal, _, _, friction, after, along, across = contact(Laws(), TABLE, np.full(5, OVERLAP), displacements)
     force = -np.minimum(stiffness * displacements, limit)
     assert friction == pytest.approx(force, rel=1e-12)
     assert after == pytest.approx(-force / stiffness, rel=1e-12)  # a sliding spring is shortened

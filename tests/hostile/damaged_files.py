@@ -49,8 +49,7 @@ def meshes() -> dict[str, bytes]:
 def pictures() -> dict[str, bytes]:
     """A drawn heap as a camera would store it."""
     across, down = np.meshgrid(np.arange(80), np.arange(40))
-    inside = down > 7 + 0.6 * np.abs(across - 40)
-    heap = np.where(inside | (down > 27), 40, 220).astype(np.uint8)
+    heap = np.where((down > 7 + 0.6 * np.abs(across - 40)) | (down > 27), 40, 220).astype(np.uint8)
     formats = {"heap.png": ".png", "heap.jpg": ".jpg", "heap.gif": ".gif", "heap.bmp": ".bmp"}
     return {name: imageio.imwrite("<bytes>", heap, extension=kind) for name, kind in formats.items()}
 
@@ -104,8 +103,7 @@ def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
 
 def as_lines(rows: list[list[str]]) -> bytes:
     """A table as a careless program would write it."""
-    text = "".join(",".join(row) + "\n" for row in rows)
-    return text.encode("utf-8", errors="surrogatepass")
+    return "".join(",".join(row) + "\n" for row in rows).encode("utf-8", errors="surrogatepass")
 
 
 tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(as_lines)

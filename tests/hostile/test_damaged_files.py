@@ -81,8 +81,7 @@ def put(folder: Path, name: str, content: bytes) -> Path:
 
 @tried(files.damaged_file(files.SCENES))
 def test_a_damaged_scene(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    path = put(folder, "scene.toml", example[1])
-    command_ends_well(["run", str(path), "--check"], folder, capsys)
+    command_ends_well(["run", str(put(folder, "scene.toml", example[1])), "--check"], folder, capsys)
 
 
 @tried(
@@ -108,14 +107,12 @@ def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) 
 
 @tried(files.damaged_file(files.MEASURED) | st.tuples(st.just("table.csv"), files.tables))
 def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    path = put(folder, "measured.csv", example[1])
-    read_or_refused(read_table, path)
+    read_or_refused(read_table, put(folder, "measured.csv", example[1]))
 
 
 @tried(files.damaged_file(files.PUBLISHED) | st.tuples(st.just("table.csv"), files.tables))
 def test_a_damaged_table_of_runs(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    path = put(folder, "published.csv", example[1])
-    command_ends_well(["audit", str(path)], folder, capsys)
+    command_ends_well(["audit", str(put(folder, "published.csv", example[1]))], folder, capsys)
 
 
 def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
@@ -143,5 +140,4 @@ def test_a_mesh_whose_corners_are_flat_is_refused(tmp_path: Path, capsys: Any) -
 
 @tried(files.damaged_file(files.PICTURES))
 def test_a_damaged_picture(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    path = put(folder, *example)
-    command_ends_well(["measure", "repose", str(path)], folder, capsys)
+    command_ends_well(["measure", "repose", str(put(folder, *example))], folder, capsys)

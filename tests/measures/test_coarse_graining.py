@@ -80,8 +80,7 @@ def test_mass_and_momentum_integrate_to_those_of_the_grains(world, axes):
     found = coarse_grain(state, contacts, Kernel(at, WIDTH, extent))
     cell = 0.25 ** len(axes) * np.prod([extent[axis] for axis in "xyz" if axis not in axes])
     assert found.density.sum() * cell == pytest.approx(state.mass.sum(), rel=1e-9)
-    momentum = np.nan_to_num(found.velocity) * found.density[..., None]
-    total = momentum.reshape(-1, 3).sum(axis=0) * cell
+    total = (np.nan_to_num(found.velocity) * found.density[..., None]).reshape(-1, 3).sum(axis=0) * cell
     np.testing.assert_allclose(total, state.mass @ state.velocity, rtol=1e-4)
     assert found.wall_force.reshape(-1, 3).sum(axis=0) * cell == pytest.approx(
         contacts.force[contacts.second < 0].sum(axis=0)

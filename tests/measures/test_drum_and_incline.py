@@ -55,8 +55,7 @@ def test_the_drum_may_stand_anywhere_and_turn_about_any_level_axis():
 
 def sliding_series(displacements):
     """Frames of nine grains that moved by these shares of a diameter along x; one grain never moves."""
-    rng = np.random.default_rng(7)
-    start = rng.uniform(0.0, 0.05, (9, 3))
+    start = np.random.default_rng(7).uniform(0.0, 0.05, (9, 3))
     loose = np.arange(9)[:, np.newaxis] > 0
     return [snapshot_of(start + loose * (share * DIAMETER, 0.0, 0.0)) for share in displacements]
 

@@ -152,8 +152,7 @@ def test_a_truncated_cone_keeps_its_flank_angle_and_is_flagged_as_are_few_short_
 def test_a_flank_that_is_not_straight_is_flagged(power, sign):
     centres = packing(16.0, 12.0, np.random.default_rng(6))
     share = np.clip(1.0 - np.hypot(centres[:, 0], centres[:, 1]) / 16.0, 0.0, None)
-    inside = centres[:, 2] <= 12.0 * share**power
-    measured = repose_angle(snapshot_of(centres[inside] * DIAMETER))
+    measured = repose_angle(snapshot_of(centres[(centres[:, 2] <= 12.0 * share**power)] * DIAMETER))
     assert "curved" in measured.details["flags"]
     assert measured.details["bend"] * sign > 5.0
 

@@ -42,8 +42,7 @@ def test_the_rate_of_the_steady_part_is_found_with_its_error(hopper):
     assert found.value == pytest.approx(1000.0 * MASS, abs=3.0 * found.sd)
     assert found.sd < 0.05 * found.value
     assert sum(found.details["rate"]) * EVERY == pytest.approx(2221 * MASS)  # all mass is counted
-    upwards = mass_flow(hopper, PLANE, (0.0, 0.0, 2.0))
-    assert upwards.value == pytest.approx(-found.value)
+    assert mass_flow(hopper, PLANE, (0.0, 0.0, 2.0)).value == pytest.approx(-found.value)
 
 
 @pytest.mark.parametrize(("end", "flags"), [(0.95, []), (0.5, ["drift"]), (4.0, ["drift"])])
@@ -79,8 +78,7 @@ def test_a_grain_that_is_taken_out_behind_the_plane_is_counted_by_its_speed():
 
 
 def test_zeros_behind_the_flow_are_no_steady_part():
-    rng = np.random.default_rng(3)
-    rate = np.concatenate([rng.normal(10.0, 3.0, 40), np.zeros(400), [10.0]])
+    rate = np.concatenate([np.random.default_rng(3).normal(10.0, 3.0, 40), np.zeros(400), [10.0]])
     first, last = steady_window(rate)
     assert last - first >= 25
     assert last <= 45

@@ -42,8 +42,7 @@ def covered(*flanks, **options):
 
 def photograph(path, *flanks, grey=GREY, **options):
     """Write an 8-bit picture of a heap on a strip of plate."""
-    light = np.where(covered(*flanks, **options), grey[1], grey[0])
-    imageio.imwrite(path, (light * 255).astype(np.uint8))
+    imageio.imwrite(path, (np.where(covered(*flanks, **options), grey[1], grey[0]) * 255).astype(np.uint8))
     return path
 
 
@@ -82,8 +81,7 @@ CODED = {
 @pytest.mark.parametrize("kind", CODED)
 def test_colour_and_sixteen_bits_are_read(tmp_path, kind):
     imageio.imwrite(tmp_path / "heap.png", CODED[kind])
-    found = measure_photograph(tmp_path / "heap.png")["value"]
-    assert found == pytest.approx(30.0, abs=pixel_error(30.0))
+    assert measure_photograph(tmp_path / "heap.png")["value"] == pytest.approx(30.0, abs=pixel_error(30.0))
 
 
 def test_a_telephone_held_sideways_is_turned_upright_and_the_difference_of_its_flanks_is_their_sd(tmp_path):

@@ -30,16 +30,14 @@ def test_a_sphere_casts_a_disc_of_its_radius_wherever_the_camera_stands():
     position, radius, diameter = np.array([[3e-3, -4e-3, 2e-3]]), np.array([1e-3]), 2e-3
     for azimuth in (0.0, 0.7, 2.0):
         picture = silhouette.draw_silhouette(position, radius, azimuth, 0.0, diameter)
-        covered = np.flatnonzero(picture.image.any(axis=0))
-        middle = picture.left + (covered.mean() + 0.5) * picture.pixel
+        middle = picture.left + (np.flatnonzero(picture.image.any(axis=0)).mean() + 0.5) * picture.pixel
         assert middle == pytest.approx(3e-3 * cos(azimuth) - 4e-3 * sin(azimuth), abs=picture.pixel)
         # outward rounding adds up to one pixel above and below each of the eight columns
         assert pi / 4 <= picture.image.sum() / 8**2 <= pi / 4 + 2 / 8
 
 
 def test_one_distant_runaway_does_not_coarsen_the_picture():
-    rng = np.random.default_rng(4)
-    heap = np.vstack([rng.uniform(-0.01, 0.01, (500, 3)), [[50.0, 0.0, 1e-3]]])
+    heap = np.vstack([np.random.default_rng(4).uniform(-0.01, 0.01, (500, 3)), [[50.0, 0.0, 1e-3]]])
     picture = silhouette.draw_silhouette(heap, np.full(501, 1e-3), 0.0, 0.0, 2e-3)
     assert picture.pixel == pytest.approx(2e-3 / 8)
     assert picture.image.shape[1] * picture.pixel < 0.06

@@ -36,8 +36,7 @@ def test_the_interval_of_many_series_of_five_beds_holds_the_truth_as_often_as_it
     random = np.random.default_rng(1)
     held = 0
     for seed in range(100):
-        thresholds = 0.3 * np.exp(random.normal(0.0, 0.05, 5))
-        found = pool_beds(beds(thresholds, 0.02, seed)).details["interval"]
+        found = pool_beds(beds(0.3 * np.exp(random.normal(0.0, 0.05, 5)), 0.02, seed)).details["interval"]
         held += found["low"] < 0.3 < found["high"]
     # 95 of 100 with a standard deviation of 2.2
     assert 88 <= held <= 100
@@ -132,8 +131,7 @@ def test_a_tunnel_of_ones_own_needs_no_map():
 def test_the_law_of_the_wall_gives_the_ratio_of_a_measured_profile():
     heights = (0.002, 0.006, 0.02, 0.05, 0.3)
     speeds = (*(0.3 / 0.4 * log(height / 1e-5) for height in heights[:-1]), 7.5)
-    own = Threshold(profile_heights=heights, profile_speeds=speeds)
-    assert own.tunnel_ratio == pytest.approx(0.3 / 7.5)
+    assert Threshold(profile_heights=heights, profile_speeds=speeds).tunnel_ratio == pytest.approx(0.3 / 7.5)
     assert Threshold().tunnel_ratio is None
     wrong = ({"profile_heights": heights}, {"profile_heights": heights[::-1], "profile_speeds": speeds})
     for entries in (*wrong, {"profile_heights": heights, "profile_speeds": speeds, "speed_ratio": 0.05}):

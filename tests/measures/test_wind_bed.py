@@ -31,10 +31,8 @@ def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
 
 
 def test_the_error_of_a_mean_counts_that_neighbours_in_time_are_alike():
-    random = np.random.default_rng(3)
-    slow = np.repeat(random.normal(10.0, 1.0, 64), 16)  # 64 independent values
-    found = wind_bed.block_mean("flux", slow.tolist(), "kg m-1 s-1")
-    assert found.sd == pytest.approx(1.0 / 8.0, rel=0.6)
+    slow = np.repeat(np.random.default_rng(3).normal(10.0, 1.0, 64), 16)  # 64 independent values
+    assert wind_bed.block_mean("flux", slow.tolist(), "kg m-1 s-1").sd == pytest.approx(1.0 / 8.0, rel=0.6)
     drifting = wind_bed.block_mean("flux", np.linspace(1.0, 2.0, 64).tolist(), "kg m-1 s-1")
     assert [each.flag for each in drifting.shortfalls] == ["drift"]
     assert wind_bed.block_mean("flux", [1.0] * 5, "kg m-1 s-1").n == 0

@@ -29,8 +29,7 @@ def network_of(time: float, force: float = 1e-3) -> ContactNetwork:
     branch = np.concatenate([state.position[:1] - state.position[1:2], centre[1:] * [0.0, 0.0, 1.0]])
     normal = branch / np.linalg.norm(branch, axis=1)[:, None]
     pushes = np.concatenate([[force], np.full(count, 2e-3)])
-    tangential = np.cross(normal, [0.0, 1.0, 0.0]) * 1e-4
-    forces = pushes[:, None] * normal + tangential
+    forces = pushes[:, None] * normal + (np.cross(normal, [0.0, 1.0, 0.0]) * 1e-4)
     return ContactNetwork(time, one, two, centre, centre - branch, branch, normal, forces, ("plate",))
 
 

@@ -76,8 +76,7 @@ def test_the_recording_carries_its_blueprint_names_properties_and_simulated_time
     (recording,) = reader.recordings()
     assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "heap")
     assert len(reader.blueprints()) == 1
-    timelines = {name for chunk in read_chunks(heap) for name in chunk.timeline_names}
-    assert timelines == {"sim_time", "step"}
+    assert {name for chunk in read_chunks(heap) for name in chunk.timeline_names} == {"sim_time", "step"}
 
 
 def test_a_wall_is_turned_and_taken_away_at_its_times_and_texts_stand_at_the_frame_before(heap: Path):

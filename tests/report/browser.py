@@ -70,8 +70,7 @@ def look_at(pages: Mapping[str, Path], folder: Path) -> dict[str, dict]:
     for name, page in pages.items():
         text = page.read_text(encoding="utf-8")
         for screen, (width, height) in SCREENS.items():
-            key = f"{name} {screen}"
-            look = LOOK.replace("NAME", key).replace("TOUCH", str(TOUCH))
+            look = LOOK.replace("NAME", f"{name} {screen}").replace("TOUCH", str(TOUCH))
             copy = folder / f"{name}-{screen}.html"
             watched = text.replace("<head>", "<head>" + CATCH, 1).replace("</body>", look + "</body>")
             copy.write_text(watched, "utf-8")

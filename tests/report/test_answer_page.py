@@ -104,8 +104,7 @@ def test_the_headline_is_that_of_the_last_command(pages):
 
 
 def test_every_row_tells_what_was_measured_and_what_both_models_say(pages):
-    text = pages["law"].read_text("utf-8")
-    rows = re.findall(r"<title>measured (.*?)</title>", text, re.DOTALL)
+    rows = re.findall(r"<title>measured (.*?)</title>", pages["law"].read_text("utf-8"), re.DOTALL)
     told = {unescape(row) for row in rows if row.startswith("400 deg")}
     assert told
     for row in told:

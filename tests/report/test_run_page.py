@@ -66,8 +66,7 @@ def test_pictures_of_the_run_are_inside_the_page(tmp_path):
 
 def test_a_measure_without_a_value_is_told_and_a_recording_leads_to_the_document_beside_it(tmp_path):
     written(tmp_path, measures={"repose_angle": measure(None, None, 0)})
-    page = page_of(tmp_path / "heap.rrd")
-    assert "has no simulated value; 33 was measured" in page
+    assert "has no simulated value; 33 was measured" in page_of(tmp_path / "heap.rrd")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "[1", '{"scene": "a"}', "\x00"])

@@ -26,8 +26,7 @@ def test_a_value_may_be_set_beside_the_declaration_and_on_the_command_line():
     assert values["root_density"] == pytest.approx(500.0)
     set_later = scene_with(declared, ["conditions.root_density=0.25"])
     assert set_later.conditions.stated_values()["root_density"] == pytest.approx(250.0)
-    long_path = scene_with(declared, ["conditions.extra.root_density.value=0.25"])
-    assert long_path == set_later
+    assert scene_with(declared, ["conditions.extra.root_density.value=0.25"]) == set_later
 
 
 def test_a_scene_without_own_conditions_is_what_it_was():

@@ -47,8 +47,7 @@ def test_the_hash_changes_with_the_physics_alone(order: str):
 
 
 def test_the_resolved_scene_is_complete_and_reads_back_as_itself():
-    scene = parse_scene(good_table())
-    table = resolve(scene)
+    table = resolve(parse_scene(good_table()))
     assert table["gravity"]["magnitude"] == 9.81
     assert table["laws"]["friction_cap"] == "thornton"
     assert table["stages"][0]["rest_energy"] == 1e-5

@@ -34,8 +34,7 @@ def on_mesh() -> Setup:
 @pytest.mark.parametrize("decomposition", ["partitions", "grains"])
 @pytest.mark.parametrize("start", [heap(120, 1), on_mesh()], ids=["tube", "mesh"])
 def test_forces_of_the_network_are_those_of_the_next_step_and_no_bit_moves(start, decomposition):
-    numerics = Numerics("cpu", 2, "f64", decomposition)
-    sim = simulation.assemble([start], LAWS, numerics)
+    sim = simulation.assemble([start], LAWS, Numerics("cpu", 2, "f64", decomposition))
     state, dt = simulation.export_state(sim), start.time_step
     networks = []
     for time in np.linspace(0.5 * BEFORE, BEFORE, 9):
@@ -51,8 +50,7 @@ def test_forces_of_the_network_are_those_of_the_next_step_and_no_bit_moves(start
     assert (found.second < 0).sum() > 3
     assert (found.second >= 0).sum() > 2
     assert looked.force is not None
-    weight = looked.mass[:, None] * np.array([0.0, 0.0, -GRAVITY])
-    wanted = looked.force - weight
+    wanted = looked.force - (looked.mass[:, None] * np.array([0.0, 0.0, -GRAVITY]))
     assert np.abs(wanted).max() > MASS * GRAVITY
     np.testing.assert_allclose(forces_of(found, len(wanted)), wanted, atol=1e-9 * np.abs(wanted).max())
     inside = found.second >= 0

@@ -101,8 +101,7 @@ def test_a_scene_of_many_grains_gets_room_for_its_own_replicas_only():
 
 @pytest.mark.slow
 def test_room_that_stays_empty_changes_no_bit_of_a_result():
-    setups = [row(2), row(3)]
-    sim = assemble(setups, LAWS, NUMERICS)
+    sim = assemble([row(2), row(3)], LAWS, NUMERICS)
     start = export_state(sim)
     roomy = ends(sim, UNTIL)
     reallocate(sim, replace(sim.capacities, replicas=2, grains=3, primitives=1, surfaces=1))

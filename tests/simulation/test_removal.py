@@ -31,8 +31,7 @@ def stopped() -> Iterator[None]:
 def on_disc(removes: bool = True) -> Setup:
     """A heap that is wider than the disc below it, and grains that fall beside it, some released later."""
     late = np.array([[9.0 * RADIUS * np.cos(k), 9.0 * RADIUS * np.sin(k), 0.5e-3] for k in range(20)])
-    piled = heap(60, 1).grains
-    position = np.concatenate([late[:10], piled.position, late[10:]])
+    position = np.concatenate([late[:10], heap(60, 1).grains.position, late[10:]])
     release = np.concatenate([np.zeros(70), np.linspace(0.012, 0.03, 10)])
     walls = primitive_table(PrimitiveKind.REVOLVED, DISC)
     table = grains(position, release=release)

@@ -21,8 +21,7 @@ PAIRS_FAR_TOO_FEW = 80  # fewer than the heap holds half way
 
 
 def run(setups: list[Setup], threads: int, until: float) -> list[str]:
-    sim = simulation.assemble(setups, LAWS, Numerics("cpu", threads))
-    bits = ends(sim, until)
+    bits = ends(simulation.assemble(setups, LAWS, Numerics("cpu", threads)), until)
     stop_device()
     return bits
 
@@ -61,8 +60,7 @@ def test_a_run_put_back_to_an_earlier_state_repeats_itself(alone):
 
 def test_neighbours_in_an_ensemble_and_a_second_worker_change_no_bit(alone):
     # three replicas on two workers: one of them is begun by one worker and ended by the other
-    ensemble = [heap(GRAINS // 2, 3, friction=0.1), heap(GRAINS, 1), heap(GRAINS, 2)]
-    bits = run(ensemble, 2, WHOLE)
+    bits = run([heap(GRAINS // 2, 3, friction=0.1), heap(GRAINS, 1), heap(GRAINS, 2)], 2, WHOLE)
     assert bits[1] == alone["end"]
     assert bits[1] != bits[2], "heaps of different seeds"
 

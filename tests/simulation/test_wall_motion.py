@@ -50,8 +50,7 @@ def mean_loads(sim: simulation.Simulation, until: float) -> Floats:
 
 def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it():
     sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
-    servo = Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)
-    simulation.move_surface(sim, 0, "wall 2", Motion(servo=servo))
+    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)))
     ends(sim, HALF)
     kept = simulation.export_state(sim)
     floor, tube, lid = mean_loads(sim, WHOLE)[:, 2]
@@ -80,8 +79,7 @@ def test_a_servo_turns_a_wall_against_the_friction_of_grains_with_its_torque():
     before = wall_loads(simulation.contact_network(sim, 0))[2, 5]
     ends(sim, WHOLE)
     after = wall_loads(simulation.contact_network(sim, 0))[2, 5]
-    turn = simulation.wall_poses(sim, 0)["wall 2"].rotation
-    assert turn[1, 0] != 0.0
+    assert simulation.wall_poses(sim, 0)["wall 2"].rotation[1, 0] != 0.0
     assert abs(after + torque) < 0.5 * abs(before + torque)  # grains that roll under it let it settle slowly
 
 
@@ -96,8 +94,7 @@ def test_a_wall_follows_a_table(way):
     ends(sim, 0.05)  # 0.04 s later: 1 mm + 2 mm along x, -1 mm - 1 mm along z
     pose = simulation.wall_poses(sim, 0)["wall 1"]
     assert pose.translation == pytest.approx([0.003, 0.0, -0.002], abs=1e-9)
-    angle = 0.5 * 4.0 * 0.01 + 0.5 * 4.0 * 0.02
-    assert pose.rotation[1, 0] == pytest.approx(np.sin(angle), rel=1e-6)
+    assert pose.rotation[1, 0] == pytest.approx(np.sin(0.5 * 4.0 * 0.01 + 0.5 * 4.0 * 0.02), rel=1e-6)
 
 
 def test_one_thread_a_grain_refuses_a_servo():

@@ -38,8 +38,7 @@ def test_every_numbered_check_is_there() -> None:
 def test_an_installed_program_names_its_short_list_and_where_the_rest_is(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(commands, "ROOT", tmp_path)
     assert main(["verify", "V01"]) == 2
-    wanted = f"V01 is unknown; choose from {', '.join(closed_forms.LADDER.checks)}"
-    assert wanted in capsys.readouterr().err
+    assert (f"V01 is unknown; choose from {', '.join(closed_forms.LADDER.checks)}") in capsys.readouterr().err
     assert main(["bench"]) == 2
     assert "in the source tree" in capsys.readouterr().err
 

@@ -156,5 +156,4 @@ def test_the_progress_of_groups_of_beds_never_goes_back(tmp_path, monkeypatch):
 
 
 def test_a_row_without_a_scatter_states_none():
-    survey = Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),))
-    assert "sd" not in survey.measured_at(0.3)
+    assert "sd" not in Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),)).measured_at(0.3)

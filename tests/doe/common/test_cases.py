@@ -53,8 +53,7 @@ def a_row(**changes: object) -> Row:
 def test_a_table_comes_back_from_its_file_unchanged(tmp_path):
     rows = [a_row(), a_row(sd=nan, n=1, note="")]
     write_rows(tmp_path / "t.csv", rows)
-    back = read_rows(tmp_path / "t.csv")
-    assert repr(back) == repr(rows)  # NaN differs from itself, its text does not
+    assert repr(read_rows(tmp_path / "t.csv")) == repr(rows)  # NaN differs from itself, its text does not
 
 
 def test_a_case_is_the_command_that_repeats_it():

@@ -24,8 +24,7 @@ SHIFT |= {"shift": "0.1", "standard_error": "0.02", "note": ""}
 def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():
     from tests.verification.reference.flow import Stream, two_limits
 
-    wind = expected_threshold(BARE)
-    slip = wind**2 * 0.5 * BARE.diameter / 1.46e-5
+    slip = expected_threshold(BARE) ** 2 * 0.5 * BARE.diameter / 1.46e-5
     drag = two_limits(Stream(slip, BARE.diameter, 1.225, 1.225 * 1.46e-5))
     weight = np.pi / 6.0 * BARE.diameter**3 * (BARE.density - 1.225) * 9.81
     assert drag == pytest.approx(weight / (2.0 * sqrt(2.0)), rel=1e-4)

@@ -65,8 +65,7 @@ def test_the_published_optimum_comes_out_to_the_printed_digits():
     coded = np.round(best().optima[0].coded, 2)
     assert to_natural(NATURAL, coded) == pytest.approx([0.64, 0.31, 3.302], abs=1e-9)
     # unrounded it is 3.3013: a difference that moves the angle by less than its fourth digit
-    exact = to_natural(NATURAL, best().optima[0].coded)
-    assert exact == pytest.approx([0.64, 0.31, 3.3013], abs=5e-5)
+    assert to_natural(NATURAL, best().optima[0].coded) == pytest.approx([0.64, 0.31, 3.3013], abs=5e-5)
     angles = fitted(8).predict(np.array([coded, best().optima[0].coded]))
     assert angles[0] == pytest.approx(angles[1], abs=1e-4)
 

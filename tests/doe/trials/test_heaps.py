@@ -30,8 +30,7 @@ def test_every_set_hides_what_its_page_says(place, wanted):
 def test_a_perturbed_laboratory_differs_from_the_study_in_every_law():
     study = read_scene(SCENE, ()).model_dump()
     for case in OTHER_LAWS.draw(random.Random(3)):
-        told = orders(case, 1.5e-3, 0.0, 0.0)
-        scene = read_scene(SCENE, told).model_dump()
+        scene = read_scene(SCENE, orders(case, 1.5e-3, 0.0, 0.0)).model_dump()
         for law in ("normal", "rolling", "friction_cap"):
             assert scene["laws"][law] != study["laws"][law]
         assert scene["run"]["time_step"] < 0.7 * study["run"]["time_step"]

@@ -18,8 +18,7 @@ def tables(disturbance: str, size: float, count: int) -> list[tuple[Measurements
     truth = replace(PLAIN, disturbance=disturbance, size=size, understated=understated)
     found = []
     for seed in range(count):
-        generator = np.random.default_rng(seed)
-        table = measured(generator, truth, ("repose_angle",), ("diameter", "moisture"), 1.0)
+        table = measured(np.random.default_rng(seed), truth, ("repose_angle",), ("diameter", "moisture"), 1.0)
         mean = true_mean(truth, "repose_angle", table.conditions)
         found.append((table, (table.value - mean) / NOISE["repose_angle"]))
     return found

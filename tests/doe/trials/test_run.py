@@ -30,8 +30,7 @@ def test_an_answered_case_is_opened_with_its_method(trial, tmp_path):
     assert row["difficulty"]["ratio"] >= 0.0
     # another truth than the sealed one is refused
     secret = tmp_path / "secret" / "beyond_few.json"
-    seeds = json.loads(secret.read_text(encoding="utf-8"))
-    secret.write_text(json.dumps(seeds[::-1]), encoding="utf-8")
+    secret.write_text(json.dumps(json.loads(secret.read_text(encoding="utf-8"))[::-1]), encoding="utf-8")
     with pytest.raises(ValueError, match="not the one that was sealed"):
         opened(trial, tmp_path / "secret")
 

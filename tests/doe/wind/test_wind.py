@@ -25,8 +25,7 @@ def flux(power: float, scatter: float = 0.0, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("power", [LINEAR, CUBIC, 0.4])
 def test_the_exponent_of_a_law_is_found_again(power: float):
-    found = flux_power(WINDS, flux(power), SHARP)
-    assert found.value == pytest.approx(power, abs=1e-6)
+    assert flux_power(WINDS, flux(power), SHARP).value == pytest.approx(power, abs=1e-6)
 
 
 def test_six_winds_tell_a_line_from_a_cube():
@@ -40,8 +39,7 @@ def test_six_winds_tell_a_line_from_a_cube():
 
 def test_an_open_threshold_leaves_the_exponent_open():
     sharp = flux_power(WINDS, flux(LINEAR, SCATTER), SHARP)
-    vague = flux_power(WINDS, flux(LINEAR, SCATTER), Bracket(0.15, 0.19))
-    assert vague.error > 1.2 * sharp.error
+    assert flux_power(WINDS, flux(LINEAR, SCATTER), Bracket(0.15, 0.19)).error > 1.2 * sharp.error
 
 
 def row(wind: float, name: str, value: float) -> Row:
@@ -105,8 +103,7 @@ def test_adhesion_fades_beyond_the_coarsest_sand_that_stuck():
 
 def test_the_errors_of_the_laboratory_are_those_of_the_library_and_beyond_the_sands_nothing_is_said():
     assert asked(2e-4, sieve_diameter=1.0) == pytest.approx(asked(2.2e-4))
-    told = asked(2e-4, friction_velocity_calibration=1.0)
-    assert told == pytest.approx(1.07 * asked(2e-4))
+    assert asked(2e-4, friction_velocity_calibration=1.0) == pytest.approx(1.07 * asked(2e-4))
     assert np.isnan(asked(5e-5))
     assert np.isnan(asked(2e-3))
 

@@ -277,5 +277,4 @@ def test_one_condition_that_bends_does_not_show_the_trend_of_another(tmp_path):
 def test_what_is_told_of_a_condition_is_what_the_rows_show_of_it(tmp_path):
     study = study_of(tmp_path, "clay")
     assert "it changes with the set-up alone" in study.path.read_text("utf-8")
-    curves = answer(study).record.curves
-    assert [each.shape for each in curves if each.condition == "moisture"] == ["rises"]
+    assert [each.shape for each in answer(study).record.curves if each.condition == "moisture"] == ["rises"]

@@ -77,8 +77,7 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     assert (wet.conditions["diameter"], wet.condition_units["diameter"]) == (300.0, "um")
     assert wet.high - wet.low < dry.high - dry.low, "what was missing is known now"
     measured = study.with_name("heap.csv")
-    lines = measured.read_text("utf-8").splitlines(keepends=True)
-    measured.write_text("".join(lines[:-1]), encoding="utf-8")
+    measured.write_text("".join(measured.read_text("utf-8").splitlines(keepends=True)[:-1]), encoding="utf-8")
     found = asked(study)
     assert found.record.outdated == ("liquid_bridge",)
     assert any(line.startswith("Left out: liquid_bridge, adopted before") for line in found.answer().lines)

@@ -235,8 +235,7 @@ def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_m
 
 def test_further_seeds_take_the_place_of_the_rows_of_their_set():
     one = FreshRuns(np.array([[1.0, 2.0, 3.0]]), np.eye(3), SIMILAR)
-    other = FreshRuns(np.array([[5.0], [7.0]]), np.array([[0.5]]), {})
-    both = one.with_more(other, np.array([1]))
+    both = one.with_more(FreshRuns(np.array([[5.0], [7.0]]), np.array([[0.5]]), {}), np.array([1]))
     np.testing.assert_array_equal(both.mean, [1.0, 6.0, 3.0])
     np.testing.assert_array_equal(np.linalg.norm(both.columns, axis=1), [1.0, 0.5, 1.0])
     assert both.tests is SIMILAR
@@ -276,8 +275,7 @@ def test_only_a_confirmed_name_of_the_small_plan_is_settled():
 
 
 def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
-    off = {"o": replace(SIMILAR["o"], p=1e-4, simulated=2.0)}
-    part = asked(tests=off)
+    part = asked(tests={"o": replace(SIMILAR["o"], p=1e-4, simulated=2.0)})
     assert part.outcome == "contradicted"
     assert part.gap.p == pytest.approx(3 * 1e-4), "one test in each of three explanations"
 

@@ -21,8 +21,7 @@ def ask(tmp_path, monkeypatch):
     def asked(*rows: str, options=QUICK):
         at.write_text("\n".join(["angularity,diameter [mm]", *rows]) + "\n", encoding="utf-8")
         before = len(keys(batches))
-        told = predict_study(path, at, no_progress, options)
-        return told.record, len(keys(batches)) - before
+        return predict_study(path, at, no_progress, options).record, len(keys(batches)) - before
 
     return asked
 

@@ -64,8 +64,7 @@ def test_a_corrected_value_is_told_and_moves_no_row_into_or_out_of_the_vault(fol
     for place in (0, 18):
         lines = list(LINES)
         lines[place] = lines[place].rpartition(";0.6;")[0].rpartition(";")[0] + ";77.7;0.6;5\n"
-        changes = again(folder, lines)["changes"]
-        assert place + 2 in changes["lines"]
+        assert place + 2 in again(folder, lines)["changes"]["lines"]
         assert held_out(folder) == before
         study = load_study(folder / "sand" / "sand.toml")
         assert study.drawn_from == digest != study.digest
@@ -100,8 +99,7 @@ def test_the_count_of_openings_goes_on(folder, capsys):
     again(folder, lines)
     assert load_study(study).problem.vault.opened == 1
     assert main(["adopt", str(study), "liquid_bridge", "--budget", "quick", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["vault"]["opened"] == 2
+    assert json.loads(capsys.readouterr().out)["vault"]["opened"] == 2
 
 
 def test_what_the_user_changed_in_the_study_stays_unless_it_is_written_anew(folder):

@@ -18,8 +18,7 @@ def measurements(groups: int = 20, group: str | None = None, repeats: int = 1) -
     """Two observables under `groups` moistures, each moisture a group of its own unless one is named."""
     k = np.repeat(np.arange(groups), repeats)
     names = tuple(group or f"heap {each}" for each in k)
-    values = np.split(np.linspace(20.0, 30.0, 2 * k.size), 2)
-    parts = zip(OBSERVABLES, values, strict=True)
+    parts = zip(OBSERVABLES, np.split(np.linspace(20.0, 30.0, 2 * k.size), 2), strict=True)
     return table_of([Readings(o, {"moisture": 0.001 * k}, v, np.ones(k.size), names) for o, v in parts])
 
 

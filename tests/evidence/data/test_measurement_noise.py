@@ -56,8 +56,7 @@ def test_scatter_that_grows_with_the_value_is_seen():
 def test_weights_out_of_three_repeats_make_no_outliers(spread):
     random, beyond, sets = np.random.default_rng(4), 0, 300
     for _ in range(sets):
-        sd = np.exp(spread * random.standard_normal(ROWS))
-        repeats = sd * random.standard_normal((REPEATS, ROWS))
+        repeats = np.exp(spread * random.standard_normal(ROWS)) * random.standard_normal((REPEATS, ROWS))
         variance, _ = measurement_noise.moderate_variance(np.var(repeats, axis=0, ddof=1), FREEDOM, EVEN)
         beyond += int(np.sum(np.abs(repeats.mean(axis=0)) > 3.0 * np.sqrt(variance / REPEATS)))
     # over its own sd of three repeats a residual lies beyond 3 sd in 9.5 % of rows: less than a third of that
@@ -113,8 +112,7 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
 
 
 def test_scatter_that_is_larger_everywhere_is_no_disagreement():
-    z = 4.0 * np.random.default_rng(7).standard_normal(CELL.size)
-    assert not disagreeing(z, CELL, True).any()
+    assert not disagreeing(4.0 * np.random.default_rng(7).standard_normal(CELL.size), CELL, True).any()
 
 
 def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laboratory):

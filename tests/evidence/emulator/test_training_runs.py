@@ -292,8 +292,7 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
 
 
 def test_a_factor_of_a_calibrated_number_is_that_number_and_doses_go_both_ways(tmp_path):
-    study = load_study(write(tmp_path, 0.0))
-    first = training_runs.initial_training_runs(study, (), "quick")
+    first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0)), (), "quick")
     assert first is not None
     (scene,) = (wider := training_runs.with_mechanisms(first)).scenes
     factors = design.calibrated_factors(scene)

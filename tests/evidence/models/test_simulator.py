@@ -70,8 +70,7 @@ def test_conditions_parameters_and_effects_become_entries_of_the_scene(tmp_path)
     # the table counts in mm; only the second row is angular, and round grains feel no such effect
     plain, angular, large = overrides(tmp_path, friction=0.2, rolling_resistance=1.5)
     assert plain == ("grains.size.diameter=0.0015", f"{FRICTION}=0.2")
-    rolling = "effects.rolling_resistance.strength=1.5"
-    assert set(angular) == {*plain, "conditions.angularity=0.5", rolling}
+    assert set(angular) == {*plain, "conditions.angularity=0.5", "effects.rolling_resistance.strength=1.5"}
     assert large == ("grains.size.diameter=0.003", f"{FRICTION}=0.2")
 
 

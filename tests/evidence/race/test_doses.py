@@ -154,8 +154,7 @@ def law(exponent: float, seed: int, apart: bool = False) -> tuple[MechanismPart,
     prepared = prepare(problem, problem.measurements, seed)
     race = Race(prepared, RaceModel(prepared))
     bare = race.fit_bare(0.0)
-    kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))
-    pull = dosings(race, kernels)[0]
+    pull = dosings(race, dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_)))[0]
     fit = pull.optimise(bare, bare.w)
     before = race.model.settings
     assert law_of(race, bare) is None

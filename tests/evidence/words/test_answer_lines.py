@@ -90,8 +90,7 @@ def test_a_status_that_contradicts_the_decision_is_not_told():
 
 
 def test_with_an_effect_and_a_group_the_last_line_has_a_step_for_both():
-    both = replace(group, named=("liquid_bridge",))
-    last = discover_answer(both, VOC).lines[-1]
+    last = discover_answer(replace(group, named=("liquid_bridge",)), VOC).lines[-1]
     assert "adopt lab.toml liquid_bridge`" in last
     assert named_in(last) == {"liquid_bridge", "dry_cohesion", "side_walls"}
 
@@ -151,8 +150,7 @@ def test_a_strength_at_the_limit_of_the_list_is_told_and_its_interval_holds_it()
 )
 def test_statuses_in_words(changes: dict, words: str):
     part: EffectPart = replace(null.effects["liquid_bridge"], **changes)
-    answer = discover_answer(replace(null, effects={"liquid_bridge": part}), VOC)
-    assert words in answer.table.rows[0][1]
+    assert words in discover_answer(replace(null, effects={"liquid_bridge": part}), VOC).table.rows[0][1]
 
 
 def test_levels_have_the_unit_and_the_sign_of_the_table():
@@ -219,8 +217,7 @@ def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
 
 
 def test_the_probability_of_something_unlisted_counts_it_beside_effects_too():
-    shares = {"liquid_bridge": 0.95, "outside_library": 0.02}
-    beside = replace(curved, unlisted=0.97, probabilities=shares)
+    beside = replace(curved, unlisted=0.97, probabilities={"liquid_bridge": 0.95, "outside_library": 0.02})
     assert "(probability 0.97)" in discover_answer(beside, VOC).lines[0]
 
 

@@ -45,5 +45,4 @@ def test_the_table_has_words_units_and_the_difference():
     document = run_document(28.7)
     simulated, measured = "28.70 \N{PLUS-MINUS SIGN} 0.50", "33.50 \N{PLUS-MINUS SIGN} 0.70 (n = 10)"
     assert run_table(document).rows[0] == ("angle of repose [deg]", simulated, measured, "-4.8 (-14%)")
-    quoted = next(next_steps(document | {"recording": "my runs/a.rrd"}))
-    assert "view 'my runs/a.rrd'`" in quoted
+    assert "view 'my runs/a.rrd'`" in next(next_steps(document | {"recording": "my runs/a.rrd"}))

@@ -24,24 +24,21 @@ def test_inlet_profiles_follow_their_laws():
 
 
 def test_air_may_rise_later_where_only_a_stage_says_so():
-    scene = load_scene(SCENES / "packed_bed.toml", ["wind.through_flow=0.0"])
-    assert build_setup(scene, 1).coupling.rising
+    assert build_setup(load_scene(SCENES / "packed_bed.toml", ["wind.through_flow=0.0"]), 1).coupling.rising
 
 
 def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     scene = load_scene(SCENES / "wind_threshold.toml")
     wind, size = scene.wind, scene.grains.size
     assert wind is not None
-    sampled = build_setup(scene, 1).grains.radius
-    solid = (4.0 / 3.0 * 3.14159265 * sampled**3).sum()
+    solid = (4.0 / 3.0 * 3.14159265 * build_setup(scene, 1).grains.radius ** 3).sum()
     # of a sample of some hundred grains: the mean cube scatters by a few percent
     assert mean_cube(size) < nominal_diameter(size) ** 3
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
 
 
 def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
-    scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
-    air = build_setup(scene, 3).air
+    air = build_setup(load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"]), 3).air
     assert air is not None
     assert air.initial_turbulence is not None
     assert air.initial_turbulence.seed == 3

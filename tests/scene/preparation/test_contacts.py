@@ -70,8 +70,7 @@ def test_larger_grains_keep_the_stress_of_adhesion_or_its_bond_number(rule: str,
         table["contact"]["soil-soil"]["surface_energy"] = 1e-4
         scene = parse_scene(table, overrides=["run.force_time_step=true"])
         numbers.append(explain(scene)["adhesion"])
-        effects = device_effects(scene, load_library(), diameter)
-        pulls.append([effect.constants["pull"] for effect in effects])
+        pulls.append([effect.constants["pull"] for effect in device_effects(scene, load_library(), diameter)])
     true, large = numbers
     assert large["surface_energy"] == pytest.approx(scale * 1e-4)
     equal = {name for name in ("tensile_strength", "bond_number") if large[name] == pytest.approx(true[name])}

@@ -50,8 +50,7 @@ def at_time(grains: GrainTable, time: float) -> GrainTable:
     fallen = np.maximum(time - grains.release_time, 0.0)[:, None]
     here = grains.release_time <= time
     moved = grains.position + grains.velocity * fallen - 0.5 * 9.81 * fallen**2 * np.array([0.0, 0.0, 1.0])
-    columns = vars(replace(grains, position=moved)).values()
-    return GrainTable(*(column[here] for column in columns))
+    return GrainTable(*(column[here] for column in vars(replace(grains, position=moved)).values()))
 
 
 def test_layers_of_a_pour_start_apart_at_once_as_soon_as_the_one_before_has_fallen_clear():
@@ -90,8 +89,7 @@ def test_a_layer_covers_the_stated_share_of_the_disc():
 def test_poured_places_are_uniform_over_the_disc():
     table = changed("grains.count", 4000)
     table["grains"]["size"] = {"law": "monodisperse", "diameter": 2e-4}
-    grains = grains_of(table)
-    inner = np.mean(np.hypot(*grains.position[:, :2].T) < (0.02 - 1e-4) / sqrt(2.0))
+    inner = np.mean(np.hypot(*grains_of(table).position[:, :2].T) < (0.02 - 1e-4) / sqrt(2.0))
     assert inner == pytest.approx(0.5, abs=4.0 * 0.5 / sqrt(4000))
 
 
@@ -103,8 +101,7 @@ def test_rain_is_the_apparatus_of_laboratory_c():
     # three standard errors of a standard deviation from 5400 numbers are 3 %
     assert grains.velocity.std() == pytest.approx(0.5 * sqrt(9.81 * DIAMETER), rel=0.03)
     assert smallest_gap(grains) >= 0.05 * DIAMETER
-    layer = np.round((position[:, 2] - 0.7) / 1.15).astype(int)
-    mean = np.bincount(layer)[:-1].mean()
+    mean = np.bincount(np.round((position[:, 2] - 0.7) / 1.15).astype(int))[:-1].mean()
     # a random disc of radius R holds pi R^2 / pitch^2 points of a square net, 168 of them
     assert mean == pytest.approx(pi * 8.4**2 / 1.15**2, rel=0.05)
 

@@ -158,8 +158,7 @@ def test_clumps_of_one_layer_never_start_inside_each_other():
         here = np.flatnonzero(grains.release_time == time)
         apart = np.linalg.norm(grains.position[here, None] - grains.position[here], axis=2)
         gap = apart - grains.radius[here, None] - grains.radius[here]
-        other_body = clumps.body[here, None] != clumps.body[here]
-        assert gap[other_body].min() >= 0.0
+        assert gap[(clumps.body[here, None] != clumps.body[here])].min() >= 0.0
 
 
 def test_random_orientations_favour_no_direction():

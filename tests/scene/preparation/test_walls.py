@@ -71,8 +71,7 @@ def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
     bounded = build_setup(parse_scene(good_table()), 1).domain
     table = good_table()
     table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
-    endless = build_setup(parse_scene(table), 1).domain
-    assert endless[1][0] > 2.0 * bounded[1][0] > 0.2
+    assert build_setup(parse_scene(table), 1).domain[1][0] > 2.0 * bounded[1][0] > 0.2
 
 
 def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_points():
@@ -92,8 +91,7 @@ ROWS = [[0.0] * 7, [1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 3.0], [3.0, 0.0, 0.0, -0.1, 0.
 
 
 def test_a_wall_that_follows_a_table_or_a_servo_has_both_in_its_setup_and_its_way_in_the_domain():
-    way = {"table": ROWS}
-    moved = build_setup(parse_scene(changed("stages.1", stage_of(way))), 1)
+    moved = build_setup(parse_scene(changed("stages.1", stage_of({"table": ROWS}))), 1)
     assert moved.tables == (tuple(map(tuple, ROWS)),)
     assert not moved.has_servos
     still = build_setup(parse_scene(changed("stages.1", stage_of({}))), 1)

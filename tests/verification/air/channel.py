@@ -81,8 +81,7 @@ def between_side_walls() -> float:
     air = air_of([setup])
     advance_air(air, ACROSS_STEPS)
     y = centres(air_setup.even_faces(0.0, 1.0, n))
-    parabola = 4.0 * y * (1.0 - y) + 1.0 / n**2
-    return float(np.abs(face_velocities(air, 0)[0][0, :, 0] - parabola).max())
+    return float(np.abs(face_velocities(air, 0)[0][0, :, 0] - (4.0 * y * (1.0 - y) + 1.0 / n**2)).max())
 
 
 def plane_flows() -> Iterator[Outcome]:

@@ -42,8 +42,7 @@ def cavity(reynolds: int, cells: int) -> AirSetup:
     walls = sides(x_low=wall, x_high=wall, z_low=wall, z_high=AirSide("wall", (1.0, 0.0, 0.0)))
     viscosity = 1.0 / reynolds
     step = min(LID_COURANT / cells, VISCOUS / (viscosity * cells**2))
-    size = (1.0, 1.0 / cells, 1.0)
-    return box((cells, 1, cells), size, sides=walls, viscosity=viscosity, time_step=step)
+    return box((cells, 1, cells), (1.0, 1.0 / cells, 1.0), sides=walls, viscosity=viscosity, time_step=step)
 
 
 def refined(values: Floats, axis: int) -> Floats:
@@ -132,8 +131,7 @@ def space_error(cells: int, squeezed: float) -> float:
     assert setup.start is not None
     exact = setup.start[0, :, 0, :] * np.exp(-2.0 * VISCOSITY * DURATION)
     share = np.diff(setup.faces_z)
-    found = horizontal(setup, cells)
-    return float(np.sqrt((share * (found - exact) ** 2).sum() / (share * exact**2).sum()))
+    return float(np.sqrt((share * (horizontal(setup, cells) - exact) ** 2).sum() / (share * exact**2).sum()))
 
 
 def time_errors() -> list[float]:
@@ -147,8 +145,7 @@ def time_errors() -> list[float]:
 def energy_rise() -> float:
     """Largest rise of the kinetic energy from step to step over the first energy, without viscosity."""
     cells = GRIDS[-1]
-    steps = round(DURATION / (COURANT * SIDE / cells))
-    air = air_of([vortices(cells, steps, 0.0)])
+    air = air_of([vortices(cells, round(DURATION / (COURANT * SIDE / cells)), 0.0)])
     sums = []
     for _ in range(ENERGY_STEPS + 1):
         sums.append(sum(float((v[: 2 * cells, :, :cells] ** 2).sum()) for v in face_velocities(air, 0)))

@@ -74,8 +74,7 @@ def curve_outcomes(overlap: Floats, force: Floats) -> Iterator[Outcome]:
     parting = slice(int(np.argmax(np.diff(overlap) < 0.0)) + 1, int(acts[-1]) + 1)
     d, f = overlap[parting], force[parting]
     before, near = d > 0.5 * BALANCE_AT, np.abs(d - PULL_OFF_AT) < NEAR
-    cubic = np.polynomial.Polynomial.fit(d[near], f[near], 3)
-    turns = np.real(np.asarray(cubic.deriv().roots()))
+    turns = np.real(np.asarray(np.polynomial.Polynomial.fit(d[near], f[near], 3).deriv().roots()))
     for name, got, want in (
         ("force at zero overlap [pi gamma R*]", np.interp(0.0, d[::-1], f[::-1]), -8.0 / 3.0),
         ("pull-off force [pi gamma R*]", f.min(), -3.0),
@@ -165,8 +164,7 @@ def friction_caps() -> Iterator[Outcome]:
     touch = replace(TOUCH, friction_sliding=friction, restitution=0.5)
     stuck = jkr.AdhesivePair(touch.young_effective, RADIUS, MASS, touch.surface_energy)
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
-        wanted = friction * factor * stuck.force_scale
-        speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
+        speed = 2e-3 * (friction * factor * stuck.force_scale) / MASS * 7.0 / 2.0  # rolls after 2 ms
         step = small.head_on(touch, DENSITY, 0.1, RADIUS).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
         grain = small.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)

@@ -51,8 +51,7 @@ def loose_grains(
     layer = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     if round_base:
         layer = layer[np.hypot(layer[:, 0], layer[:, 1]) <= room[0]]
-    layers = -(-count // len(layer))
-    height = spacing * (np.arange(layers) + 0.55)
+    height = spacing * (np.arange(-(-count // len(layer))) + 0.55)
     place = np.concatenate([np.column_stack([layer, np.full(len(layer), z)]) for z in height])[:count]
     place += rng.uniform(-0.04, 0.04, place.shape) * DIAMETER
     return small.spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)

@@ -190,5 +190,4 @@ def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
     """Largest difference in velocity or in spin times radius, over the speed before the impact [1]."""
     speed = np.linalg.norm(setup.grains.velocity, axis=1).max()
     moving = np.abs(single.velocity - double.velocity).max()
-    turning = np.abs((single.spin - double.spin) * double.radius[:, None]).max()
-    return float(max(moving, turning) / speed)
+    return float(max(moving, np.abs((single.spin - double.spin) * double.radius[:, None]).max()) / speed)

@@ -242,8 +242,7 @@ def stacked_motion(
         between = middle.push(2.0 * floor.radius - (high - low), low_speed - high_speed)
         above = lid.push(high + floor.radius - height, high_speed)
         lower = (below - between) / floor.mass - GRAVITY
-        upper = (between - above) / lid.mass - GRAVITY
-        return [low_speed, high_speed, lower, upper]
+        return [low_speed, high_speed, lower, ((between - above) / lid.mass - GRAVITY)]
 
     # contacts open and close: a short longest step keeps the step control from stepping over them
     fine = {"rtol": 1e-9, "atol": 1e-13, "max_step": times[-1] / 2000.0}

@@ -66,8 +66,7 @@ def di_felice(stream: Stream) -> float:
 
 def two_limits_hindered(stream: Stream) -> float:
     """Drag on a grain among others [N]: that of `two_limits` alone."""
-    reynolds = stream.void * stream.reynolds
-    return among_others(stream, (np.sqrt(0.5) + np.sqrt(24.0 / reynolds)) ** 2)
+    return among_others(stream, (np.sqrt(0.5) + np.sqrt(24.0 / (stream.void * stream.reynolds))) ** 2)
 
 
 def gidaspow(stream: Stream) -> float:

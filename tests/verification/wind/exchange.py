@@ -148,8 +148,7 @@ def stirred_setup() -> Setup:
     """Grains at random places and velocities, some of them beside floor and lid, in air stirred at random."""
     rng = np.random.default_rng(5)
     place = rng.uniform(0.0, 1.0, (GRAINS, 3)) * [PATCH_SIDE, PATCH_SIDE, PATCH_HEIGHT]
-    velocity = rng.normal(0.0, 1.0, (GRAINS, 3))
-    grains = small.spheres(place, velocity, 0.0, RADIUS, sphere_mass(RADIUS, QUARTZ))
+    grains = small.spheres(place, rng.normal(0.0, 1.0, (GRAINS, 3)), 0.0, RADIUS, sphere_mass(RADIUS, QUARTZ))
     setup = replace(small.sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
     faces = np.linspace(0.0, PATCH_HEIGHT, CELLS[2] + 1)
     stirred = replace(

@@ -43,8 +43,7 @@ FLUID = np.array([1.2, 1.35])
 def lattice_setup(superficial: float) -> Setup:
     """The regular bed between floor and lid, without weight."""
     bed = small.regular_bed(DIAMETER, SOLID, VOID, LATTICE_CELLS)
-    edge = small.lattice_edge(DIAMETER, VOID)
-    high = edge * np.array(LATTICE_CELLS)
+    high = small.lattice_edge(DIAMETER, VOID) * np.array(LATTICE_CELLS)
     faces = np.linspace(0.0, high[2], LATTICE_CELLS[2] + 1)
     air = small.still_air(faces, (float(high[0]), float(high[1])), GAS.density, GAS.viscosity)
     setup = small.sphere_setup(bed, TOUCH, INSTANT)
@@ -82,8 +81,7 @@ def fixed_bed() -> Iterator[Outcome]:
     for replica, (velocity, wanted) in enumerate(PUBLISHED.items()):
         found = pressure_drop(sim, replica) * LENGTH / (edge * LATTICE_CELLS[2])
         yield relative(f"fixed bed: pressure drop at {velocity} m/s [Pa]", found, wanted, 0.02, "f64")
-    gained = (snapshot(sim, LAST).velocity - before.velocity)[:, 2]
-    force = float((before.mass * gained).sum()) / INSTANT
+    force = float((before.mass * (snapshot(sim, LAST).velocity - before.velocity)[:, 2]).sum()) / INSTANT
     area = (edge * LATTICE_CELLS[0]) ** 2
     name = "fixed bed: force on all grains over pressure drop and area"
     yield relative(name, force / (pressure_drop(sim, LAST) * area), 1.0, 1e-3, "f64")

@@ -69,8 +69,7 @@ def roughness(blow: WindProfile, friction: float, height: float) -> float:
 
 def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:
     """Heights of the centre of a grain laid down at random places of a bed with periods `extent` [2] [m]."""
-    places = np.random.default_rng(SEED).uniform(size=(DROPS, 2)) * extent
-    apart = bed.position[:, :2] - places[:, None]
+    apart = bed.position[:, :2] - (np.random.default_rng(SEED).uniform(size=(DROPS, 2)) * extent)[:, None]
     apart -= extent * np.round(apart / extent)
     reach = (bed.radius + 0.5 * diameter) ** 2 - (apart**2).sum(axis=2)
     touching = bed.position[:, 2] + np.sqrt(np.maximum(reach, 0.0))

@@ -145,8 +145,7 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
     found, _ = measured(tmp_path, text)
     assert found.censored.tolist() == [False] * 3 + [True] * 2
     assert found.limit[3] == pytest.approx(1e-3 * limit)
-    study = load_study(tmp_path / "t" / "t.toml")
-    flux = study.problem.observables["flux"]
+    flux = load_study(tmp_path / "t" / "t.toml").problem.observables["flux"]
     assert (flux.transform, flux.floor) == ("log_floor", pytest.approx(max(1e-3 * limit, 8.5e-5)))
 
 
@@ -169,8 +168,7 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
     ],
 )
 def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_path, heading, values, kept):
-    angles = (31.0, 35.0, 38.0, 36.0, 31.5, 35.5, 38.5, 36.5)
-    rows = zip((0, 1, 2, 4) * 2, values, angles, strict=True)
+    rows = zip((0, 1, 2, 4) * 2, values, (31.0, 35.0, 38.0, 36.0, 31.5, 35.5, 38.5, 36.5), strict=True)
     text = SALT.format(heading) + "".join(f"{w};{x};{a};0.5\n" for w, x, a in rows)
     found, assumed = measured(tmp_path, text)
     assert (len(found.conditions) == 2) is kept
@@ -258,8 +256,7 @@ def test_a_wind_over_beds_of_several_roughness_lengths_gives_the_friction_veloci
 
 def test_the_width_between_walls_reaches_the_model(tmp_path):
     rows = "5;0.5;31.5;0.5\n10;0.5;28.4;0.5\n80;0.5;26.9;0.5\n"
-    text = f"cell thickness (mm);d (mm);angle of repose (deg);sd\n{rows}"
-    found, _ = measured(tmp_path, text)
+    found, _ = measured(tmp_path, f"cell thickness (mm);d (mm);angle of repose (deg);sd\n{rows}")
     study = load_study(tmp_path / "t" / "t.toml")
     assert study.file.conditions["width"] == "width"
     walls = study.problem.model("repose_angle", found.conditions, {}, {"side_walls": 1.0}, np.arange(3))
