@@ -76,8 +76,7 @@ class RaceResult(Result):
     @property
     def found(self) -> list[str]:
         """The same, with calls of Python in place of commands."""
-        call = partial(python_call, self.study)
-        return [*self.reply.about["set_up"], *self.reply.answer(call=call).lines]
+        return [*self.reply.about["set_up"], *self.reply.answer(call=partial(python_call, self.study)).lines]
 
     @property
     def record(self) -> "Record":

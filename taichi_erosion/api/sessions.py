@@ -95,8 +95,7 @@ class LiveSession:
         """
         from taichi_erosion.recording.export import field_table
 
-        profile = fields_now(self.session.sim, 0, at, width, extent)
-        return field_table([profile]).isel(time=0)
+        return field_table([fields_now(self.session.sim, 0, at, width, extent)]).isel(time=0)
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""

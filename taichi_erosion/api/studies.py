@@ -163,8 +163,7 @@ def new_study(
     grains["effects"] = tuple(map(Path, grains.get("effects", ())))
     of_table = TableOptions(dict(observables or {}), dict(conditions or {}), dict(units or {}))
     wishes = NewStudyOptions(of_table, None if out is None else Path(out), apparatus, closed_form, **grains)
-    document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
-    return study(document["study"])
+    return study(write_study(table_file(table, out), wishes, lambda question, guess: guess)["study"])
 
 
 def table_file(table: TableLike, out: PathLike | None) -> Path:

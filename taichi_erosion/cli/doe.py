@@ -44,8 +44,7 @@ def audit(
     from taichi_erosion.experiments.audit import as_document
     from taichi_erosion.experiments.audit import audit as examine
 
-    document = as_document(examine(table, response, claims))
-    output.print_result(document, as_json, print_audit)
+    output.print_result(as_document(examine(table, response, claims)), as_json, print_audit)
 
 
 def print_audit(document: output.Record) -> None:

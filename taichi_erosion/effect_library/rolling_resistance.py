@@ -67,8 +67,7 @@ def checks(probe: Probe) -> Checks:
     bare, rolling = sample_scene(), sample_scene(laws={"rolling": "constant_torque"})
 
     def friction(pair: str, scene: Scene, strength: float = 1.0, **conditions: float) -> float:
-        changed = probe(shape, conditions, scene=scene, strength=strength)
-        return changed.contact[pair].friction_rolling
+        return probe(shape, conditions, scene=scene, strength=strength).contact[pair].friction_rolling
 
     law = probe(shape, {}, scene=bare).laws.rolling
     remainder = probe(shape, {}, scene=rolling).laws.rolling

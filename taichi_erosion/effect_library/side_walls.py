@@ -61,8 +61,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 
 
 def checks(probe: Probe) -> Checks:
-    narrow = Params(width=30.0, friction=0.8)
-    scene = probe(narrow, {}, scene=sample_scene(), strength=0.5)
+    scene = probe(Params(width=30.0, friction=0.8), {}, scene=sample_scene(), strength=0.5)
     left, right = scene.geometry["side_left"], scene.geometry["side_right"]
     yield Check("the walls are 30 diameters apart", right.point[1] - left.point[1], 0.03)
     yield Check("and face each other", left.normal[1] - right.normal[1], 2.0)

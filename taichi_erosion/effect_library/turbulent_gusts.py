@@ -173,8 +173,7 @@ def checks_at_wall(probe: Probe) -> Checks:
     def gust_ratio(diameter: float, longest: float = 10.0, time: float = 0.03) -> float:
         """Gust over the mean wind, with T+ = 5 in the sublayer."""
         params = replace(GUSTY, timescale=longest, wall_timescale=5.0)
-        conditions = {"grain_diameter": diameter}
-        ratio = probe(params, conditions, time=time, **PROBED | thin | carried)[0][0]
+        ratio = probe(params, {"grain_diameter": diameter}, time=time, **PROBED | thin | carried)[0][0]
         return float(ratio) / (4.0 * 4e-6 * STOKES)
 
     short = lognormal(0.1, 0.03)

@@ -163,8 +163,7 @@ def arch_of(arch: ArchChoice, decomposition: Decomposition | None, grains: int, 
 
 def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
     """The scene file, below comments with the overrides of this run."""
-    changes = "".join(f"# --set {override}\n" for override in overrides)
-    return changes + path.read_text(encoding="utf-8")
+    return "".join(f"# --set {override}\n" for override in overrides) + path.read_text(encoding="utf-8")
 
 
 def run_with_outputs(

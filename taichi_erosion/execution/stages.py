@@ -103,8 +103,7 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     tilt = radians(stage.tilt_rate) * (time - state.began)
     axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
     upright = np.asarray(sim.setups[replica].gravity)
-    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt * axis)
-    x, y, z = turn.apply(upright)
+    x, y, z = scipy.spatial.transform.Rotation.from_rotvec(-tilt * axis).apply(upright)
     simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
     state.energy = None
 

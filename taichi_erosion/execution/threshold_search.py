@@ -161,8 +161,7 @@ def periodic_displacement(after: Floats, before: Floats, period: Floats) -> Floa
 def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | None:
     """Whether the bed moves in this wind; None while that is open."""
     settings, trial = search.scene.threshold, search.trial
-    duration = getattr(settings, DURATION[search.phase])
-    elapsed = (time - trial.began) / duration
+    elapsed = (time - trial.began) / getattr(settings, DURATION[search.phase])
     over = elapsed >= 1.0 - ROUNDING
     quiet = steady and elapsed > REST_AFTER and trial.largest_motion < REST_MOTION * search.diameter
     if search.phase in ("ramp", "hold"):

@@ -153,7 +153,9 @@ TOGETHER = {
 
 def grid_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
-    return 2.0 * np.indices((levels,) * count).reshape(count, -1)[::-1].T / (levels - 1) - 1.0
+    from pyDOE3 import fullfact
+
+    return 2.0 * np.asarray(fullfact([levels] * count), float) / (levels - 1) - 1.0
 
 
 Part = tuple[PointKind, Floats]

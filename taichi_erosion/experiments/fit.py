@@ -159,8 +159,7 @@ class Fit:
 
     def interval(self, coded: ArrayLike) -> Floats:
         """Interval of 95 % for the true mean at coded points, [points, 2]."""
-        matrix = model_matrix(coded, self.terms)
-        return np.asarray(self.results.get_prediction(matrix).conf_int())
+        return np.asarray(self.results.get_prediction(model_matrix(coded, self.terms)).conf_int())
 
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:

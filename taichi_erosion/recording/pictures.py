@@ -71,8 +71,7 @@ def resting_colours(ident: NDArray[np.int32], kind: NDArray[np.int32] | None = N
 
 def speed_colours(speed: Floats, low: float, high: float) -> Colours:
     """Colour of a moving grain, from sand at speed `low` to ice blue at `high` [m s-1], in equal ratios."""
-    bounded = np.clip(speed, low, high)
-    return interpolate_colours(np.log(bounded / low) / np.log(high / low), SPEED_COLOURS)
+    return interpolate_colours(np.log(np.clip(speed, low, high) / low) / np.log(high / low), SPEED_COLOURS)
 
 
 def grain_colours(snapshot: Snapshot, low: float, high: float) -> Colours:
@@ -123,8 +122,7 @@ def night_background(size: tuple[int, int]) -> Picture:
 
 def write_text(picture_out: Picture, place: tuple[float, float], text: str, size: int, anchor: str) -> None:
     """Write a line at a place; `anchor` as in Pillow: la, ma and ra put its top left, middle, right there."""
-    draw = ImageDraw.Draw(picture_out)
-    draw.text(place, text, CHALK, ImageFont.load_default(size), anchor=anchor)
+    ImageDraw.Draw(picture_out).text(place, text, CHALK, ImageFont.load_default(size), anchor=anchor)
 
 
 @dataclass(frozen=True)
@@ -268,8 +266,7 @@ def film_frame(
     snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
 ) -> Picture:
     """One picture of a film: grains from the side, the time, the colours of speeds and a scale bar."""
-    colours = grain_colours(snapshot, *speeds)
-    picture = render_side(snapshot.position, snapshot.radius, view, colours, walls)
+    picture = render_side(snapshot.position, snapshot.radius, view, grain_colours(snapshot, *speeds), walls)
     write_text(picture, CAPTION_CORNER, f"{snapshot.time:.2f} s", LETTER_SIZE, "la")
     draw_scale_bar(picture, view)
     draw_speed_bar(picture, (picture.width - COLOUR_BAR[0] - 3 * MARGIN, MARGIN), speeds)
@@ -280,8 +277,7 @@ def force_chain_picture(
     positions: Floats, radii: Floats, network: ContactNetwork, view: SideView, walls: Sequence[WallMesh]
 ) -> Picture:
     """Contacts as lines over faint grains, seen along +y, the largest forces in front, with their mean."""
-    faint = np.tile(np.array(FAINT, np.uint8), (len(radii), 1))
-    grains = render_side(positions, radii, view, faint, walls)
+    grains = render_side(positions, radii, view, np.tile(np.array(FAINT, np.uint8), (len(radii), 1)), walls)
     picture = grains.resize((SMOOTHING * view.size[0], SMOOTHING * view.size[1]))
     draw, size = ImageDraw.Draw(picture), network.normal_force
     widths = force_widths(size) * np.linalg.norm(network.branch, axis=1)

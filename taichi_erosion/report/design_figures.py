@@ -61,8 +61,7 @@ def contours(fit: Fit, names: Names, unit: str, at: Floats, target: float) -> Fi
     for axes, (i, j) in zip(frames, pairs, strict=True):
         across, up, height = grid(fit, i, j, at)
         axes.contourf(across, up, height, levels=LEVELS, cmap=MAP, alpha=0.35)
-        lines = axes.contour(across, up, height, levels=LEVELS, colors=LINE, linewidths=0.8)
-        axes.clabel(lines, fontsize=7)
+        axes.clabel(axes.contour(across, up, height, levels=LEVELS, colors=LINE, linewidths=0.8), fontsize=7)
         if height.min() < target < height.max():
             axes.contour(across, up, height, levels=[target], colors=POINT, linewidths=2.0)
         axes.plot(runs[:, i], runs[:, j], "o", color="black", ms=3, clip_on=False)
@@ -78,8 +77,7 @@ def grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats, Floats]:
     points = np.tile(at, (TICKS, TICKS, 1))
     points[..., i], points[..., j] = np.meshgrid(ticks, ticks)
     natural = to_natural(fit.factors, points)
-    height = fit.predict(points.reshape(-1, len(at))).reshape(TICKS, TICKS)
-    return natural[..., i], natural[..., j], height
+    return natural[..., i], natural[..., j], fit.predict(points.reshape(-1, len(at))).reshape(TICKS, TICKS)
 
 
 @page_style()

@@ -266,8 +266,7 @@ def check_numbers(scene: Scene) -> Iterator[str]:
 def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene of air alone whose entries are right one by one."""
     yield from observable_problems(scene.measure, observables)
-    problems = list(box_problems(scene.air))
-    yield from problems or computed_problems(scene)
+    yield from list(box_problems(scene.air)) or computed_problems(scene)
 
 
 def computed_problems(scene: AirScene) -> Iterator[str]:

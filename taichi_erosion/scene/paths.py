@@ -110,8 +110,7 @@ def named_section(node: dict[str, Any]) -> dict[str, Any] | None:
 def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The node with references resolved, and the options of its unions."""
     if "$ref" in node:
-        name = node["$ref"].rsplit("/", 1)[-1]
-        yield from options(schema, schema["$defs"][name])
+        yield from options(schema, schema["$defs"][node["$ref"].rsplit("/", 1)[-1]])
         return
     yield node
     for word in ("anyOf", "oneOf", "allOf"):

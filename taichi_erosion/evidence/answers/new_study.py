@@ -130,8 +130,7 @@ def new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
     folder = wishes.folder or table.parent / table.stem
     interview, options = Interview(ask), options_for_table(wishes)
     measured = read_laboratory_table(table, options, interview)
-    places = condition_places(measured, options)
-    request = StudyRequest(measured, options, places, folder, wishes, interview)
+    request = StudyRequest(measured, options, condition_places(measured, options), folder, wishes, interview)
     refuse_unused(request)
     request = with_grains(request) if wishes.closed_form else request
     content = closed_form_content(request) if wishes.closed_form else scene_content(request)

@@ -108,8 +108,7 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
     rows = [list(row) for _, row in cells.rows]
     for column in columns:
         content = [row[column.place] for row in rows[1:]]
-        first = next((k for k, cell in enumerate(content) if cell), len(content))
-        blank = content[first:].count("")
+        blank = content[next((k for k, cell in enumerate(content) if cell), len(content)) :].count("")
         if column.role not in ("condition", "group", "source") or not blank:
             continue
         where = f"column '{column.heading.text}'"

@@ -166,8 +166,7 @@ def working(residual: Floats, reach: Floats) -> Working:
     weight, adjusted = np.ones_like(residual), residual.copy()
     weight[censored] = np.sqrt(curvature)
     adjusted[censored] = -score / np.sqrt(curvature)
-    ordinary = np.sum(residual[~censored] ** 2, axis=0)
-    return Working(adjusted, weight, ordinary - 2.0 * log_share.sum(axis=0))
+    return Working(adjusted, weight, np.sum(residual[~censored] ** 2, axis=0) - 2.0 * log_share.sum(axis=0))
 
 
 def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
@@ -177,8 +176,7 @@ def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     flip = low + high > 0.0
     a, b = np.where(flip, -high, low), np.where(flip, -low, high)
     log_upper = special.log_ndtr(b)
-    below = np.minimum(special.log_ndtr(a) - log_upper, -1e-12)
-    log_share = log_upper + np.log1p(-np.exp(below))
+    log_share = log_upper + np.log1p(-np.exp(np.minimum(special.log_ndtr(a) - log_upper, -1e-12)))
     density_a, density_b = (np.exp(-0.5 * x**2 - 0.5 * np.log(2.0 * np.pi) - log_share) for x in (a, b))
     ends = [np.where(np.isfinite(x), x, 0.0) * d for x, d in ((a, density_a), (b, density_b))]
     score = density_b - density_a

@@ -241,8 +241,7 @@ def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | 
     matrix = shrink(correlation, freedom)
     if np.array_equal(matrix, np.eye(len(names))):
         return None
-    sd = np.array([each.run_sd for each in emulators.values()])
-    return Replicates(names, sd, matrix)
+    return Replicates(names, np.array([each.run_sd for each in emulators.values()]), matrix)
 
 
 def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> tuple[float, float]:

@@ -167,8 +167,7 @@ def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     sections |= {"seed": "study", "runs": "budget"}
     for key, section in sections.items():
         if (value := getattr(options, key)) is not None:
-            changed = getattr(file, section).model_copy(update={key: value})
-            file = file.model_copy(update={section: changed})
+            file = file.model_copy(update={section: getattr(file, section).model_copy(update={key: value})})
     return file
 
 

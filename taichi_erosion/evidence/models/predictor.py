@@ -134,8 +134,7 @@ def seed_mean(values: Floats) -> Floats:
     """Mean over the seeds that succeeded."""
     good = np.isfinite(values)
     count = good.sum(axis=0)
-    total = np.where(good, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return np.where(count > 0, np.where(good, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def seed_variance(values: Floats, which: Integers) -> Floats:
@@ -145,8 +144,7 @@ def seed_variance(values: Floats, which: Integers) -> Floats:
     """
     good = np.isfinite(values)
     freedom = np.maximum(good.sum(axis=0) - 1, 0)
-    centred = np.where(good, values - seed_mean(values), 0.0)
-    squares = np.sum(centred**2, axis=0)
+    squares = np.sum(np.where(good, values - seed_mean(values), 0.0) ** 2, axis=0)
     pooled = np.zeros(values.shape[1])
     for index in np.unique(which):
         rows = which == index

@@ -210,8 +210,7 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
         return None
     cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
     keys = ["|".join(map(str, each)) for each in cells]
-    cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
-    return ConditionErrors(errors, cell)
+    return ConditionErrors(errors, np.unique(keys, return_inverse=True)[1].astype(np.int64))
 
 
 def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:

@@ -247,8 +247,7 @@ def row_states(observable: str, conditions: Conditions) -> np.ndarray:
     A hash of the bits, so that the order of rows does not matter. Reference: the finaliser of Steele, Lea &
     Flood (2014), OOPSLA, fig. 15 (splitmix64).
     """
-    size = row_count(conditions)
-    state = np.full(size, OBSERVABLES.index(observable) + 1, dtype=np.uint64)
+    state = np.full(row_count(conditions), OBSERVABLES.index(observable) + 1, dtype=np.uint64)
     for name in sorted(conditions):
         state = splitmix64(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))
     return state

@@ -95,8 +95,7 @@ class FunctionModel:
                 before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
                 doses[law.mechanism] = before + strength * row_doses(law, conditions)
         if doses:
-            table = np.column_stack(list(doses.values()))
-            _, kinds = np.unique(table, axis=0, return_inverse=True)
+            _, kinds = np.unique(np.column_stack(list(doses.values())), axis=0, return_inverse=True)
             values = np.empty((seeds.size, row_count(conditions)))
             for kind in np.unique(kinds):
                 rows = np.flatnonzero(kinds.reshape(-1) == kind)

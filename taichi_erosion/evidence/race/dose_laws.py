@@ -135,8 +135,7 @@ class FittedForm:
         """Draws (m, k) of the numbers within their range."""
         excess = max(1.0, self.misfit / (self.rows.y.size - self.numbers.size))
         random = np.random.default_rng(SEED)
-        sample = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
-        return sample.clip(*self.ends)
+        return random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS).clip(*self.ends)
 
 
 Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left out that it explains

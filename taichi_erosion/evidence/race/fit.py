@@ -349,8 +349,7 @@ class Race:
         if np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
-        hypothesis = replace(parent.hypothesis, names=names)
-        start = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
+        start = replace(parent.hypothesis, names=names), v, mean, jacobian, parent.errors, parent.blocks
         return self.fit_at_scales(Expansion(*start, log_prior, dose=parent.dose), 5)
 
     def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
@@ -367,8 +366,7 @@ class Race:
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""
         scores = np.array([*map(score, self.fits.values())])
-        share = np.exp(scores - logsumexp(scores))
-        return dict(zip(self.fits, map(float, share), strict=True))
+        return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 
     def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
         """Fits of at least some probability, best first."""

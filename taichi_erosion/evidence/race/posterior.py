@@ -113,8 +113,7 @@ class Posterior:
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
         values = np.concatenate([self.strengths(each, name) for each in self.draws])
-        weight = np.concatenate([each.weight for each in self.draws])
-        return values[values > 0.0], weight[values > 0.0]
+        return values[values > 0.0], np.concatenate([each.weight for each in self.draws])[values > 0.0]
 
     def strengths(self, draws: Draws, name: str) -> Floats:
         """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""
@@ -151,8 +150,7 @@ def infer(
     prepared = prepare(problem, problem.visible() if table is None else table, seed)
     if bare:
         nothing = replace(problem, candidates=(), mechanisms=())
-        predictor = replace(prepared.predictor, candidates=())
-        prepared = replace(prepared, problem=nothing, predictor=predictor)
+        prepared = replace(prepared, problem=nothing, predictor=replace(prepared.predictor, candidates=()))
     race = Race(prepared, RaceModel(prepared, most, progress, priors))
     try:
         search(race)

@@ -168,8 +168,7 @@ def box_problems(air: AirBox) -> Iterator[str]:
     unknown = [name for name in air.sides if name not in SIDES]
     yield from (f"air.sides.{name} is unknown; allowed: {', '.join(SIDES)}" for name in unknown)
     if set(air.sides) == set(SIDES):
-        places = list(place_problems(air))
-        yield from places or (*inlet_problems(air), *cell_problems(air))
+        yield from list(place_problems(air)) or (*inlet_problems(air), *cell_problems(air))
 
 
 def place_problems(air: AirBox) -> Iterator[str]:

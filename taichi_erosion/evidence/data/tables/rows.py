@@ -433,8 +433,7 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
     units = dict(zip(table.conditions, names, strict=True))
     cells, repeats = [], any(row.repeat for row in table.rows)
     for row in table.rows:
-        limit = {-inf: "<", inf: ">"}.get(row.reach if row.censored else 0.0, "")
-        value = limit + cell_text(row.value)
+        value = {-inf: "<", inf: ">"}.get(row.reach if row.censored else 0.0, "") + cell_text(row.value)
         if row.censored and isfinite(row.reach):
             value = f"{cell_text(row.value - row.reach)}..{cell_text(row.value + row.reach)}"
         first = (row.observable, value if isfinite(row.value) else "no transport", cell_text(row.sd))
