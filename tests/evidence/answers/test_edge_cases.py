@@ -118,10 +118,9 @@ def test_too_few_rows_name_nothing_and_say_why(study):
 
 @pytest.mark.parametrize("factor", [1.0, 3.0, 12.0])
 def test_repeats_that_differ_more_than_stated_are_told(study, factor):
-    values = 0.3 + 0.004 * factor * np.random.default_rng(3).standard_normal(24)
     lines = [
         f"threshold_u_star,{value:.5f},0.004,1,m/s,g{k // 4},{0.002 * (k // 4)},0.25,x"
-        for k, value in enumerate(values)
+        for k, value in enumerate(0.3 + 0.004 * factor * np.random.default_rng(3).standard_normal(24))
     ]
     text = study_text().replace("[observables.repose_angle]\n", "")
     with open_study(study(HEAD + "\n".join(lines), text)) as found:

@@ -199,10 +199,9 @@ def test_what_is_measured_at_one_heap_is_of_one_apparatus(tmp_path):
     document, study = made(tmp_path, HEAPS, NewStudyOptions(sd=SPREAD))
     assert {each.scene for each in study.file.observables.values()} == {"cylinder.toml"}
     assert "diameters of heaps are halved: runout_radius is a radius" in document["assumed"]
-    angles = HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]")
     _, study = made(
         tmp_path,
-        angles,
+        HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]"),
         NewStudyOptions(TableOptions({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD),
     )
     assert {each.scene for each in study.file.observables.values()} == {"collapse.toml"}

@@ -66,12 +66,11 @@ def cluster(wall: bool) -> Setup:
 def seen(setup: Setup, view: View) -> Setup:
     """The scene in another view; spins turn with the sign of the determinant."""
     matrix, old = view.matrix, setup.grains
-    handed = np.linalg.det(matrix)
     grains = replace(
         old,
         position=(old.position @ matrix.T)[view.order],
         velocity=(old.velocity @ matrix.T + view.drift)[view.order],
-        spin=(handed * old.spin @ matrix.T)[view.order],
+        spin=(np.linalg.det(matrix) * old.spin @ matrix.T)[view.order],
     )
     shape = setup.primitives.shape.copy()
     shape[:, 0:3], shape[:, 3:6] = shape[:, 0:3] @ matrix.T, shape[:, 3:6] @ matrix.T

@@ -90,12 +90,11 @@ def step_order() -> Iterator[Outcome]:
 def restitution() -> Iterator[Outcome]:
     """V04: e out of an impact is the e that was asked for."""
     wanted = np.round(np.arange(0.1, 1.01, 0.1), 1)
-    speeds = np.geomspace(0.01, 10.0, 10)
     groups = {  # restitution, speed [m s-1], radii [m]
         "T3 aluminium oxide on a wall": [(e, 3.9, 0.0025) for e in wanted],
         "equal spheres": [(e, 3.9, 0.0025, 0.0025) for e in wanted],
         "spheres of 1 and 4 mm": [(e, 3.9, 0.001, 0.004) for e in wanted],
-        "e = 0.5 at 0.01 to 10 m/s": [(0.5, speed, 0.0025) for speed in speeds],
+        "e = 0.5 at 0.01 to 10 m/s": [(0.5, speed, 0.0025) for speed in np.geomspace(0.01, 10.0, 10)],
     }
     oxide, iron = small.touch_of(ALUMINIUM_OXIDE, None), small.touch_of(CAST_IRON, CAST_IRON)
     cases = []
