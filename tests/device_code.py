@@ -122,8 +122,7 @@ def aliases_of(function: ast.FunctionDef) -> dict[str, tuple[str, ...]]:
         if not isinstance(node, ast.Assign) or (content := static_content(node.value)) is None:
             continue
         contents = content.elts if isinstance(content, ast.Tuple) else [content]
-        targets = getattr(node.targets[0], "elts", node.targets)
-        for target, origin in zip(targets, contents, strict=False):
+        for target, origin in zip(getattr(node.targets[0], "elts", node.targets), contents, strict=False):
             if isinstance(target, ast.Name) and (path := path_of(origin, found)):
                 found[target.id] = path
     return found

@@ -71,15 +71,12 @@ def test_a_pair_that_is_not_stated_has_geometric_means_and_a_stated_one_its_own(
     scene = load_scene(TWO)
     sand, loam = scene.contact["sand-sand"], scene.contact["aggregate-aggregate"]
     mixed = scene.contact_of("sand", "aggregate")
-    assert mixed is not None
     assert mixed.friction_sliding == pytest.approx(sqrt(sand.friction_sliding * loam.friction_sliding))
     assert mixed.friction_rolling == pytest.approx(sqrt(sand.friction_rolling * loam.friction_rolling))
     grain = loam.model_copy(update={"rolling_radius": "grain"})
     assert mixed_contact(grain, grain).friction_rolling == pytest.approx(2.0 * loam.friction_rolling)
     stated = load_scene(TWO, ["contact.aggregate-sand={restitution=0.2, friction_sliding=0.1}"])
-    found = stated.contact_of("sand", "aggregate")
-    assert found is not None
-    assert found.friction_sliding == 0.1
+    assert stated.contact_of("sand", "aggregate").friction_sliding == 0.1
     assert scene_hash(stated) != scene_hash(scene)
 
 

@@ -40,8 +40,7 @@ SMALL = ("grains.count=250", "domain.period=[0.014, 0.014]", "record.contacts=tr
 def files(tmp_path: Path) -> Path:
     broken = UNLIKE.replace("grains.kind", "grains.kid")
     unitless = "def measure(grains, contacts, walls): return 1.0"
-    texts = {"unlike": UNLIKE, "load": LOAD, "broken": broken, "unitless": unitless}
-    for name, text in texts.items():
+    for name, text in {"unlike": UNLIKE, "load": LOAD, "broken": broken, "unitless": unitless}.items():
         (tmp_path / f"{name}.py").write_text(text, encoding="utf-8")
     return tmp_path
 

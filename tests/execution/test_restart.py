@@ -149,7 +149,6 @@ def test_a_bed_of_another_run_stays_at_rest_with_its_forces_under_another_set_up
     before, after = read_contacts(tmp_path / "bed.rrd")[-1], simulation.contact_network(sim, 0)
     assert friction_of_pairs(after) == pytest.approx(friction_of_pairs(before), rel=0.1)
     assert document["replicas"][0]["stopped"] is None
-    wrong = ("grains.count=29", "periods differ"), ("fill.file='none.npz'", "cannot be read")
-    for order, told in wrong:
+    for order, told in ("grains.count=29", "periods differ"), ("fill.file='none.npz'", "cannot be read"):
         with pytest.raises(BadInput, match=told):
             run_scene(later, RunOptions((order,), no_record=True))

@@ -37,7 +37,6 @@ def test_curvature_is_the_difference_of_the_means_tested_without_itself():
     y = np.array([39.3, 40.9, 40.0, 41.5, 40.3, 40.5, 40.7, 40.2, 40.6])
     # Montgomery (2017), example 6.7: SS 0.0027, F 0.06, error 0.1720 (4)
     bend = curvature(fit_model(made.with_responses(y=y), "y", "interactions"))
-    assert bend is not None
     assert bend.difference == pytest.approx(y[:4].mean() - y[4:].mean(), rel=1e-9)
     assert bend.sum_of_squares == textbook.printed(0.0027, 4)
     assert bend.f == textbook.printed(0.06, 2)

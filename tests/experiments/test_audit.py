@@ -93,9 +93,7 @@ def test_columns_behind_the_response_that_repeat_a_factor_are_set_aside(tmp_path
     ],
 )  # fmt: skip
 def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
-    printed = parse_printed(text)
-    assert printed is not None
-    assert printed.agrees(found) is agrees
+    assert parse_printed(text).agrees(found) is agrees
     assert parse_printed("n.s.") is None
 
 

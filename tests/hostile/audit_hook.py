@@ -54,8 +54,7 @@ def note(event: str, arguments: tuple[Any, ...]) -> None:
     elif event in CHANGES or (event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING):
         path = os.path.abspath(os.fsdecode(arguments[0])) if isinstance(arguments[0], str | bytes) else ""
         # compiled Python of a first import may lie outside the folder
-        allowed = path.startswith(watch.folder) or "__pycache__" in path or path in ("", os.devnull)
-        if not allowed:
+        if not (path.startswith(watch.folder) or "__pycache__" in path or path in ("", os.devnull)):
             watch.trespasses.append(f"{event} {path}")
 
 

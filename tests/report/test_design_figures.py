@@ -21,9 +21,7 @@ RUN_ORDER, CENTRE = np.arange(1, 18), np.zeros(3)
 @cache
 def surface() -> Fit:
     """The published response surface in natural units; -1 is the low level of every factor."""
-    fit = audit(FOLDER / "table_8.csv").fit
-    assert fit is not None
-    return replace(fit, factors=RANGES)
+    return replace(audit(FOLDER / "table_8.csv").fit, factors=RANGES)
 
 
 def test_every_pair_of_factors_has_its_surface_and_its_contours():

@@ -5,7 +5,6 @@ from taichi_erosion.scene.physical_ranges import likely_units, place_range
 
 def test_a_place_has_the_range_of_its_schema_and_a_condition_of_the_own_scene_none():
     found = place_range("grains.size.diameter")
-    assert found is not None
     assert found.unit == "m"
     assert found.is_usual(2.5e-4)
     assert not found.is_usual(0.25)

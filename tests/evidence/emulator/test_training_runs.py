@@ -233,7 +233,6 @@ def test_an_effect_whose_strong_runs_stop_is_told_and_not_excluded(tmp_path, mon
 def test_doses_keep_the_numbers_that_they_multiply_within_their_usual_range(tmp_path):
     text = STUDY + '[parameters."contact.grain-grain.friction_sliding"]\nstart = 0.9\nlow = 0.5\nhigh = 1.2\n'
     first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0, text=text)), (), "quick")
-    assert first is not None
     doses = {each.name: (each.low, each.high) for each in training_runs.with_mechanisms(first).mechanisms}
     assert doses["sliding_friction"] == pytest.approx((-0.95, 1.5 / 0.9 - 1.0))
     assert doses["restitution"][1] == pytest.approx(1.0 / 0.5 - 1.0)
@@ -293,7 +292,6 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
 
 def test_a_factor_of_a_calibrated_number_is_that_number_and_doses_go_both_ways(tmp_path):
     first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0)), (), "quick")
-    assert first is not None
     (scene,) = (wider := training_runs.with_mechanisms(first)).scenes
     factors = design.calibrated_factors(scene)
     assert factors == {"rolling_friction": FRICTION}

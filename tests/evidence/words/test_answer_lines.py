@@ -8,6 +8,7 @@ from ten_records import (
     ADOPTIONS,
     DISCOVERIES,
     VOC,
+    WET,
     adopted,
     curved,
     group,
@@ -19,15 +20,7 @@ from ten_records import (
 )
 
 from taichi_erosion.evidence.answers.files import RECORD, STORED, after_adoption
-from taichi_erosion.evidence.record import (
-    EffectPart,
-    ErrorPart,
-    FreshPart,
-    Interval,
-    LevelPart,
-    PlacePart,
-    ScatterPart,
-)
+from taichi_erosion.evidence.record import EffectPart, ErrorPart, FreshPart, Interval, LevelPart, ScatterPart
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
     adopt_answer,
@@ -237,10 +230,9 @@ def test_agreement_names_a_scatter_that_is_larger_than_stated() -> None:
 
 
 def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
-    place = PlacePart("repose_angle", "moisture", -1, 1e-4)
     record = replace(null, p_misfit=1e-3, probabilities={"none": 0.95, "outside_library": 0.05})
     assert "by errors of measurement" in discover_answer(record, VOC).lines[0]
-    first = discover_answer(replace(record, where=(place,)), VOC).lines[0]
+    first = discover_answer(replace(record, where=(WET,)), VOC).lines[0]
     assert first.startswith("No effect is named: the model fails")
     assert first.endswith("Of all explanations the likeliest, no missing effect, has probability 0.95.")
 

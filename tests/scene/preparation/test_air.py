@@ -30,7 +30,6 @@ def test_air_may_rise_later_where_only_a_stage_says_so():
 def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     scene = load_scene(SCENES / "wind_threshold.toml")
     wind, size = scene.wind, scene.grains.size
-    assert wind is not None
     solid = (4.0 / 3.0 * 3.14159265 * build_setup(scene, 1).grains.radius ** 3).sum()
     # of a sample of some hundred grains: the mean cube scatters by a few percent
     assert mean_cube(size) < nominal_diameter(size) ** 3
@@ -39,7 +38,6 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
 
 def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
     air = build_setup(load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"]), 3).air
-    assert air is not None
     assert air.initial_turbulence is not None
     assert air.initial_turbulence.seed == 3
     assert (air.cells[:2], air.sides["z_high"].kind) == ((8, 8), "symmetry")

@@ -140,7 +140,6 @@ def test_a_shipped_template_touches_itself_and_has_the_volume_of_its_sphere(temp
 def test_spheres_of_a_clump_stand_where_its_body_holds_them():
     setup = clumped("tripod")
     clumps, grains = setup.clumps, setup.grains
-    assert clumps is not None
     assert clumps.body.tolist() == np.repeat(np.arange(60), 3).tolist()
     assert np.linalg.norm(clumps.orientation, axis=1) == pytest.approx(1.0)
     turned = Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
@@ -153,7 +152,6 @@ def test_spheres_of_a_clump_stand_where_its_body_holds_them():
 def test_clumps_of_one_layer_never_start_inside_each_other():
     setup = clumped("pair", count=200)
     grains, clumps = setup.grains, setup.clumps
-    assert clumps is not None
     for time in np.unique(grains.release_time):
         here = np.flatnonzero(grains.release_time == time)
         apart = np.linalg.norm(grains.position[here, None] - grains.position[here], axis=2)

@@ -148,8 +148,7 @@ def spinning_impacts() -> Iterator[Outcome]:
     ratios = published.SPINNING_X[published.SPINNING_X < 1.0]
     impacts = [spinning_impact(solid, ratios) for solid in SPINNING.values()]
     for precision in PRECISIONS:
-        found = simulated(impacts, precision, FINE)
-        for name, impact, after in zip(SPINNING, impacts, found, strict=True):
+        for name, impact, after in zip(SPINNING, impacts, simulated(impacts, precision, FINE), strict=True):
             betas = -(after.tangential + impact.radius * after.spin) / (impact.radius * impact.spin)
             for ratio, beta in zip(ratios, betas, strict=True):
                 yield relative(f"T6 {name}: beta at X = {ratio:g}", beta, ratio - 1.0, 5e-3, precision)

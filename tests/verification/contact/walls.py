@@ -77,8 +77,7 @@ def mesh_and_plane() -> Iterator[Outcome]:
     for precision, limit in LIMIT.items():
         path = small.trace(setups, np.linspace(0.001, 0.03, 30), precision, LAWS).position[:, :, 0]
         on_mesh, on_plane, within = np.split(path, [len(places), 2 * len(places)], axis=1)
-        error = np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS
-        for name, largest in zip(names, error, strict=True):
+        for name, largest in zip(names, np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS, strict=True):
             yield below(f"mesh and plane: grain {name}, path [radii]", largest, limit, precision)
         for frustum, paths in zip(FRUSTUMS, np.split(within, len(FRUSTUMS), axis=1), strict=True):
             yield from revolved_outcomes(frustum, paths, precision)
