@@ -372,8 +372,7 @@ def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     for column in columns:
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
         if unknown and not column.numeric and words_recur(reading.cells, column.place):
-            words = f"column '{column.heading.text}' names set-ups: its words stand in several rows"
-            reading.interview.assume(words)
+            reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words recur in rows")
             column = replace(column, role="group")
         yield column
 
