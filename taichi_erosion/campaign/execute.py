@@ -104,8 +104,8 @@ def execute(
         try:
             while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
                 submit_batches(campaign, remaining)
-                for finished in pool.finished_batches(POLL):
-                    enter_batch(campaign, finished)
+                for outcome in pool.finished_batches(POLL):
+                    enter_batch(campaign, outcome)
                 if time.monotonic() - campaign.heartbeat > HEARTBEAT:
                     campaign.heartbeat = time.monotonic()
                     ledgers.renew_leases(ledger)
@@ -135,18 +135,18 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
             campaign.starts |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def enter_batch(campaign: Campaign, finished: FinishedBatch) -> None:
+def enter_batch(campaign: Campaign, outcome: FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
-    ledger, keys = campaign.ledger, finished.batch.keys
-    for place, record in finished.records:
+    ledger, keys = campaign.ledger, outcome.batch.keys
+    for place, record in outcome.records:
         ledgers.record_result(ledger, keys[place], record)
     without_record = list(unfinished_runs(ledger, keys))
     for key in without_record:
         campaign.starts.pop(key, None)
-    if finished.reason and not finished.is_worker_dead and len(keys) == 1 and without_record:
-        ledgers.record_result(ledger, keys[0], {"failure": finished.reason})
+    if outcome.reason and not outcome.is_worker_dead and len(keys) == 1 and without_record:
+        ledgers.record_result(ledger, keys[0], {"failure": outcome.reason})
     elif without_record:
-        ledgers.record_worker_death(ledger, without_record, finished.reason or "it gave no result")
+        ledgers.record_worker_death(ledger, without_record, outcome.reason or "it gave no result")
 
 
 def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:

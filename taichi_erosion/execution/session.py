@@ -270,11 +270,11 @@ def insert(session: Session, count: int, at: Triple | None = None, inlet: str | 
     gaps = cdist(new.position[first], here.position) - new.radius[first][:, None] - here.radius
     if gaps.min(initial=inf) < 0.0:
         raise BadInput("insert: a grain lies there already; name another place")
-    state, where = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
+    state, place = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
     grains = joined_grains(setup.grains, int(state["released"][0] + state["removed"][0]), new)
-    where = f" at {' '.join(repr(float(x)) for x in at)}" if at else where
+    place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
     sim = build(session.scene, session.seed, session.library, grains).sim
-    adopt(session, sim, state, f"insert {count}{where}")
+    adopt(session, sim, state, f"insert {count}{place}")
 
 
 def remove(session: Session, *numbers: int) -> None:

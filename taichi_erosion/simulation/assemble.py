@@ -172,18 +172,18 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed = list(setups)
-    check_mixture(listed)
-    capacities = initial_capacities(listed, numerics.by_grain)
+    setup_list = list(setups)
+    check_mixture(setup_list)
+    capacities = initial_capacities(setup_list, numerics.by_grain)
     if numerics.by_grain:
-        refuse_by_grain(has_grids(listed), has_servos(listed))
+        refuse_by_grain(has_grids(setup_list), has_servos(setup_list))
         refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
-    workers = threads if on_cpu else len(listed)
+    workers = threads if on_cpu else len(setup_list)
     chunk = CPU_CHUNK if on_cpu else 1
-    fields = allocate_fields(listed, laws, numerics, workers, capacities)
-    sim = Simulation(listed, laws, numerics, workers, chunk, capacities, *fields)
+    fields = allocate_fields(setup_list, laws, numerics, workers, capacities)
+    sim = Simulation(setup_list, laws, numerics, workers, chunk, capacities, *fields)
     release_start(sim)
     return sim
 
@@ -230,15 +230,15 @@ def reuse_or_assemble(
 
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
-    listed = list(setups)
-    check_mixture(listed)
-    if before is None or not is_reusable(before, listed, laws, numerics):
-        return assemble(listed, laws, numerics)
+    setup_list = list(setups)
+    check_mixture(setup_list)
+    if before is None or not is_reusable(before, setup_list, laws, numerics):
+        return assemble(setup_list, laws, numerics)
     for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):
         for table in device_fields(record):
             write_field(table, 0)
-    before.setups = listed
-    everyone = padded_with_copies(listed, before.capacities)
+    before.setups = setup_list
+    everyone = padded_with_copies(setup_list, before.capacities)
     for effects in bound_effects(before.world).values():
         write_constants(effects, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)

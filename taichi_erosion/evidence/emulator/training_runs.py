@@ -75,9 +75,9 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
     if simulator is None:
         return None
     whole = TrainingRuns(study, simulator, study_scenes(study, simulator), design.PLAN_SIZES[LARGEST])
-    measured = replace(whole, scenes=tuple(replace(scene, proposed_rows=()) for scene in whole.scenes))
+    as_stated = replace(whole, scenes=tuple(replace(scene, proposed_rows=()) for scene in whole.scenes))
     most, every = study.file.budget.runs or 10**9, known_effects(study.problem)
-    for training in (whole, measured):
+    for training in (whole, as_stated):
         size, planned = scaled_to(most, training, every)
         if planned <= most:
             break

@@ -123,8 +123,8 @@ def clearing_time(inlet: Inlet, largest: float, gravity: float, mesh: Floats) ->
 def random_layer(inlet: Inlet, radius: Floats, draw: Generator, cubes: float, inside: Places) -> Floats:
     """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
     square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
-    covered, whole = (radius**3, cubes / 8.0) if inlet.mesh else (radius**2, square)
-    allowed = np.searchsorted(np.cumsum(covered), inlet.coverage * whole, side="right")
+    shares, whole = (radius**3, cubes / 8.0) if inlet.mesh else (radius**2, square)
+    allowed = np.searchsorted(np.cumsum(shares), inlet.coverage * whole, side="right")
     count = max(1, min(int(allowed), len(radius)))
     points = np.zeros((count, 3))
     for k in range(count):

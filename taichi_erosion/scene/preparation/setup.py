@@ -88,9 +88,9 @@ def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainT
     )
 
 
-def joined_grains(before: GrainTable, begun: int, new: GrainTable) -> GrainTable:
+def joined_grains(before: GrainTable, old_count: int, new: GrainTable) -> GrainTable:
     """A table of whose grains some have begun, and new ones: the others by the time of their release."""
-    times = np.concatenate([np.full(begun, -np.inf), before.release_time[begun:], new.release_time])
+    times = np.concatenate([np.full(old_count, -np.inf), before.release_time[old_count:], new.release_time])
     rows, pairs = (
         np.argsort(times, kind="stable"),
         zip(vars(before).values(), vars(new).values(), strict=True),

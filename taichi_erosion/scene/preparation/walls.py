@@ -194,9 +194,9 @@ def depths(triangles: Floats, points: Floats) -> Floats:
     below = p * q * r + np.einsum(dot, a, b) * r + np.einsum(dot, b, c) * p + np.einsum(dot, c, a) * q
     angle = 2.0 * np.arctan2(np.einsum(dot, a, np.cross(b, c)), below).sum(axis=1)
     depth, inside = np.zeros(len(points)), np.abs(angle) > 2.0 * np.pi
-    seen = np.repeat(points[inside], len(triangles), axis=0)
-    nearest = trimesh.triangles.closest_point(np.tile(triangles, (inside.sum(), 1, 1)), seen)
-    depth[inside] = np.linalg.norm(nearest - seen, axis=1).reshape(-1, len(triangles)).min(axis=1)
+    viewpoints = np.repeat(points[inside], len(triangles), axis=0)
+    nearest = trimesh.triangles.closest_point(np.tile(triangles, (inside.sum(), 1, 1)), viewpoints)
+    depth[inside] = np.linalg.norm(nearest - viewpoints, axis=1).reshape(-1, len(triangles)).min(axis=1)
     return depth
 
 
