@@ -3,6 +3,7 @@
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import fdtrc
@@ -109,6 +110,16 @@ def why_no_condition(
     many = distinct.size > values.size / 2 and differs_within(values, rest)
     if many and np.ptp(rest) > 0.0 and not any(affects(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
+    return ""
+
+
+def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -> str:
+    """A condition of which each word has a range of its own, as `dry` and `wet` of a moisture; else empty."""
+    for name, numbers in conditions.items():
+        by_word = [[x for word, x in zip(words, numbers, strict=True) if word == each] for each in {*words}]
+        ends = sorted((min(each), max(each)) for each in by_word)
+        if all(below[1] < above[0] for below, above in pairwise(ends)):
+            return name
     return ""
 
 

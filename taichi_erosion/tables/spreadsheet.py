@@ -387,10 +387,9 @@ def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
     return itself, numbered if not itself or itself[0] in numbered else []
 
 
-def words_recur(cells: Cells, place: int) -> bool:
-    """Whether a column has several words, each in two rows or more on average."""
-    words = {row[place] for _, row in cells.lines}
-    return "" not in words and 1 < len(words) <= len(cells.lines) / 2
+def words_recur(words: Sequence[str]) -> bool:
+    """Whether a column of words has several, each in two rows or more on average."""
+    return "" not in words and 1 < len({*words}) <= len(words) / 2
 
 
 def summing_word(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:

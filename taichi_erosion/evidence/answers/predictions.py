@@ -181,9 +181,7 @@ def predicted_rows(
         yield PredictedPart(
             line=wanted.lines[i] if wanted.lines else i + 1,
             observable=names[k],
-            conditions=dict(wanted.table_conditions[i])
-            if wanted.table_conditions
-            else place.rows.conditions_at(k),
+            conditions=dict(wanted.table_values[i]) if wanted.table_values else place.rows.conditions_at(k),
             condition_units={name: scale.unit for name, scale in wanted.scales.items()},
             unit=units[names[k]],
             **asdict(mean),

@@ -113,7 +113,7 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
             continue
         where = f"column '{column.heading.text}'"
         question = f"{blank} cells of {where} are blank below a value. Fill them from above (yes or no)"
-        if not (options.fill_down or interview.choice(question, "no", "").lower().startswith(AGREED)):
+        if not (options.fill_down or interview.choice(question, "no", "")[0] in AGREED):
             continue
         interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
         for above, row in pairwise(rows):

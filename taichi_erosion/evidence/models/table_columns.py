@@ -130,7 +130,7 @@ class NewConditions:
     conditions: Conditions  # as the model takes them
     group: tuple[str, ...] = ()  # set-up, soil or batch of each, empty where it is none that was measured
     lines: tuple[int, ...] = ()  # rows of the file
-    table_conditions: tuple[Mapping[str, float], ...] = ()  # the conditions in the units of the table
+    table_values: tuple[Mapping[str, float], ...] = ()  # the conditions in the units of the table
     scales: Mapping[str, Scale] = field(default_factory=dict)  # of these, as the model takes them
     file: str = ""
     constant: Mapping[str, float] = field(default_factory=dict)  # not set by the table: as in the study

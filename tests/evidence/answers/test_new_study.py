@@ -344,9 +344,7 @@ def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_
         TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated
     )
     document, study = made(tmp_path, SIZES, wishes)
-    seen = {
-        each.name: (each.sd_shared, each.sd_shared_relative) for each in study.problem.observables.values()
-    }
+    seen = {o.name: (o.sd_shared, o.sd_shared_relative) for o in study.problem.observables.values()}
     assert seen == {"repose_angle": (1.0, 0.0), "radius_90": (0.0, 0.05)}
     for each in study.problem.parameters:  # of the grains in both apparatus
         if each.path.endswith("friction_sliding"):

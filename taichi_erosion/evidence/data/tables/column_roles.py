@@ -124,7 +124,12 @@ def with_unit(column: Column, options: TableOptions) -> Column:
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
     unit = next((unit for text, unit in options.units.items() if plain_words(text) in texts), None)
-    return column if unit is None else replace(column, heading=stated_unit(column.heading, unit))
+    return column if unit is None else in_unit(column, unit)
+
+
+def in_unit(column: Column, unit: str) -> Column:
+    """A column with the unit that is stated for it."""
+    return replace(column, heading=stated_unit(column.heading, unit))
 
 
 def heading_faults(cells: Cells) -> Iterator[str]:

@@ -27,6 +27,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     column_roles,
     friction_factor,
     has_no_scale,
+    in_unit,
     range_of,
     roughness_length,
     tidy_name,
@@ -45,14 +46,13 @@ from taichi_erosion.tables.headings import (
     is_summary,
     meaning_of,
     plain_words,
-    stated_unit,
     vocabulary,
 )
-from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, stem
+from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, ranges_of, stem
 from taichi_erosion.tables.spreadsheet import Cells, words_recur
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
-AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
+AGREED = "yYjJoOsS"  # first letters of yes, ja, oui, si
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
@@ -60,8 +60,8 @@ SPREADS = {
     NOT_USED: "not used",
 }
 BESIDE = "the repeats stand beside it"
-OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
+OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 SHARES = ("%", "‰", "1", "-")
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
@@ -88,7 +88,7 @@ class Interview:
 
     def confirm(self, question: str, meaning: str) -> bool:
         """Whether the user says yes; the guess is yes."""
-        return self.choice(f"{question} (yes or no)", "yes", meaning).lower().startswith(AGREED)
+        return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
 
     def assume(self, meaning: str) -> None:
         """Record what was assumed without a question."""
@@ -239,10 +239,8 @@ def name_column(column: Column, answer: str) -> Column:
     """A column as the user calls it."""
     if answer == NOT_USED:
         return replace(column, sure=True)
-    role, name = meaning_of(answer)
-    if "." in answer:
-        role, name = "condition", answer
-    elif role not in ("observable", "condition"):
+    role, name = ("condition", answer) if "." in answer else meaning_of(answer)
+    if role not in ("observable", "condition"):
         role, name = "observable", answer
     return replace(column, role=role, name=name, title=tidy_name(name), sure=True)
 
@@ -368,11 +366,18 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
 
 
 def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
-    """The columns; one of words that each stand in several rows names set-ups: `trap`, `variety`, `crop`."""
+    """The columns; one of words that recur names set-ups, `crop`, unless it may repeat a condition."""
+    lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
+    numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     for column in columns:
+        words = [row[column.place] for _, row in lines]
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
-        if unknown and not column.numeric and words_recur(reading.cells, column.place):
-            reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words recur in rows")
+        kinds = unknown and not column.numeric and words_recur(words)
+        if kinds and (both := ranges_of(words, numbers)):
+            why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
+            column = reading.fault(column, f"{why} it repeats '{both}'")
+        elif kinds:
+            reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words recur")
             column = replace(column, role="group")
         yield column
 
@@ -436,8 +441,7 @@ def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Colum
             continue
         words = plain_words(column.heading.name)
         called = [each for each in measured if plain_words(each.heading.name) in words]
-        left = [each for each in measured if each.place < column.place]
-        partner = (called or left[-1:] or measured)[0]
+        partner = (called or [each for each in measured if each.place < column.place][-1:] or measured)[0]
         shared = column.role == "n" and len(measured) > 1 and not called
         why = ""
         if repeated and (shared or partner.name in repeated):
@@ -493,8 +497,3 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
     unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
     unit_words += f", {likely}" * several
     return reading.fault(column, unit_words) if units else column
-
-
-def in_unit(column: Column, unit: str) -> Column:
-    """A column with the unit that is stated for it."""
-    return replace(column, heading=stated_unit(column.heading, unit))

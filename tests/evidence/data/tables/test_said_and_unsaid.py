@@ -24,13 +24,11 @@ HEAP = "moisture (%);angle of repose (deg);SD;{}\n"
 SALT = "moisture (%);{};angle of repose (deg);SD\n"
 
 
-def measured(
-    folder: Path, text: str | bytes, name: str = "t.csv", **wishes
-) -> tuple[Measurements, list[str]]:
+def measured(base: Path, text: str | bytes, name: str = "t.csv", **wishes) -> tuple[Measurements, list[str]]:
     """Measurements of the study of a table by the closed form, and what was assumed."""
-    (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    (base / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
-    document = new_study(folder / name, NewStudyOptions(**asked), lambda _, guess: guess)
+    document = new_study(base / name, NewStudyOptions(**asked), lambda _, guess: guess)
     return load_study(Path(document["study"])).problem.measurements, document["assumed"]
 
 
@@ -208,6 +206,11 @@ def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
 def test_words_that_make_another_quantity_are_refused(tmp_path, plain, heading, words):
     rows = "".join(f"{d},{w},{u},0.01\n" for d, w, u in SANDS)
     assert words in refused(tmp_path, HEAD.replace(plain, heading) + rows)
+
+
+def test_words_that_divide_a_condition_into_ranges_are_asked(tmp_path):
+    rows = (f"{'wet' if w else 'dry'},{d},{w},{u},0.01\n" for d, w, u in SANDS)
+    assert "its words divide 'moisture [%]' into ranges" in refused(tmp_path, f"state,{HEAD}{''.join(rows)}")
 
 
 def test_words_that_recur_name_set_ups_and_numbers_are_what_their_sizes_allow(tmp_path):
