@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Callable
+from contextlib import suppress
 from inspect import signature
 from math import isfinite
 from pathlib import Path
@@ -70,13 +71,15 @@ def set_entry(session: Session, path: str, value: str) -> str:
     return f"{path} = {value} {reply}{''.join(new)}"
 
 
-def insert(session: Session, count: str, *where: str) -> str:
-    try:
-        x, y, z = map(float, where[1:]) if where[:1] == ("at",) else (0.0, 0.0, 0.0)
-        inlet = where[1] if where[:1] == ("through",) else None
-        live.insert(session, int(count), (x, y, z) if where[:1] == ("at",) else None, inlet)
-    except (ValueError, IndexError):
-        raise BadInput(f"usage: {usage('insert')}") from None
+def insert(session: Session, count: str, way: str = "", *place: str) -> str:
+    number, at = 0, tuple[float, ...]()
+    if len(place) == {"": 0, "at": 3, "through": 1}.get(way):
+        with suppress(ValueError):
+            at = tuple(map(float, place)) if way == "at" else ()
+            number = int(count)
+    if not number:
+        raise BadInput(f"usage: {usage('insert')}")
+    live.insert(session, number, at, place[0] if way == "through" else "")
     return status(session)
 
 

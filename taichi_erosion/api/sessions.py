@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
-from math import nan
 from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -131,10 +130,9 @@ class LiveSession:
         sessions.set_entry(self.session, path, override(path, value).partition("=")[2])
         return self
 
-    def insert(self, count: int, at: Sequence[float] = (), inlet: str | None = None) -> "LiveSession":
+    def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":
         """Let grains in at a place [m], through an inlet, or all inlets. Raises BadInput."""
-        x, y, z = at if len(at) == 3 else (nan, nan, nan)
-        sessions.insert(self.session, count, (float(x), float(y), float(z)) if len(at) else None, inlet)
+        sessions.insert(self.session, count, at, inlet)
         return self
 
     def remove(self, *numbers: int) -> "LiveSession":

@@ -27,7 +27,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
-from taichi_erosion.core.setup import GrainTable, Numerics, Triple
+from taichi_erosion.core.setup import GrainTable, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_interval
@@ -257,7 +257,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     return "at once" if state is None else "after building the effect in"
 
 
-def insert(session: Session, count: int, at: Triple | None = None, inlet: str | None = None) -> None:
+def insert(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
     """Let grains of the scene's kinds and sizes in from now on, as `inlets_from` says. Raises BadInput."""
     keep_state(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]

@@ -159,7 +159,7 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     live.run_for(session, 0.01)
     now, lines = snapshot(session.sim, 0), list(session.history)
     assert (set(range(63)) - set(now.ident), now.removed) == ({5, 61}, 2)
-    for command in "remove 5;remove all;insert 1 through x;insert 0 at 0 0 0.1;insert 1 at 0 0".split(";"):
+    for command in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0".split(";"):
         with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|one sphere or more|usage"):
             prompt.execute(session, command)
     for count in (63, 60):

@@ -1,6 +1,6 @@
 """Initial bodies of one replica in order of release: random streams, and one function per fill law."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from math import cos, inf, pi, sin, sqrt
@@ -64,16 +64,17 @@ def pour(
     return place, velocity, release
 
 
-def inlets_from(scene: Scene, time: float, at: Vector | None, name: str | None, latest: float) -> Pour:
+def inlets_from(scene: Scene, time: float, at: Sequence[float], name: str, latest: float) -> Pour:
     """Inlets that open at a time [s]: about a place [m], one grain after the other; one of the scene; or all.
 
     Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
     """
     wide = sizes.reach_over_diameter(scene.grains) * sizes.size_range(scene.grains)[1]
-    if at is not None and not np.all(np.abs(at) < FARTHEST):
+    if len(at) not in (0, 3) or not np.all(np.abs(at) < FARTHEST):
         raise BadInput("insert: a place has coordinates x, y, z in m")
-    if at is not None:
-        return Pour(law="pour", centre=at, radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
+    if len(at):
+        x, y, z = map(float, at)
+        return Pour(law="pour", centre=(x, y, z), radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
     parts, g = scene.fill.parts if isinstance(scene.fill, Pour) else {}, scene.gravity.magnitude
     clear = [clearing_time(each, wide, g, inlet_mesh(scene, path, each)) for path, each in parts.items()]
     begin = max([time, *(latest + wait for wait in clear)])
@@ -258,8 +259,7 @@ def patch_layers(size: tuple[float, float], fill: Layers, count: int, random: Ge
     for layer in range(-(-count // len(flat))):
         points = flat + random.uniform(0.0, fill.pitch, 2)
         points = random.permutation(points % size)
-        height = np.full((len(points), 1), fill.first_height + layer * fill.pitch)
-        layers.append(np.hstack([points, height]))
+        layers.append(np.hstack([points, np.full((len(points), 1), fill.first_height + layer * fill.pitch)]))
     position = np.concatenate(layers)[:count]
     return position + fill.jitter * random.uniform(-1.0, 1.0, position.shape)
 
@@ -325,8 +325,7 @@ def lattice_points(fill: Lattice) -> Floats:
     points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in box_of(fill)], indexing="ij"), axis=-1)
     points = points.reshape(-1, 3)
     along = points @ axis
-    across = np.linalg.norm(points - along[:, None] * axis, axis=1)
-    inside = (across <= radius) & (np.abs(along) <= half)
+    inside = (np.linalg.norm(points - along[:, None] * axis, axis=1) <= radius) & (np.abs(along) <= half)
     return np.asarray(points[inside] + np.array(fill.centre), dtype=np.float64)
 
 

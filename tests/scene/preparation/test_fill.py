@@ -228,7 +228,7 @@ def test_grains_that_come_later_pass_the_inlets_then_open_among_those_that_wait(
     scene = parse_scene(table_of_inlets(SHAPES))
     before, few = build_setup(scene, 1).grains, scene.grains.model_copy(update={"count": 40})
     now = float(before.release_time[700])
-    fill = inlets_from(scene, now, None, "line", now)
+    fill = inlets_from(scene, now, (), "line", now)
     new = build_setup(scene.model_copy(update={"fill": fill, "grains": few}), 2).grains
     joined = joined_grains(before, 700, new)
     assert np.array_equal(joined.radius[:700], before.radius[:700])
