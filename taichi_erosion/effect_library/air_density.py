@@ -77,8 +77,7 @@ def checks(probe: Probe) -> Checks:
     site = Params(pressure=1e5, temperature=300.0)
 
     def air(name: str, strength: float = 1.0, **conditions: float) -> float:
-        scene = sample_scene(wind=patch)
-        return getattr(probe(site, conditions, scene=scene, strength=strength).wind, name)
+        return getattr(probe(site, conditions, scene=sample_scene(wind=patch), strength=strength).wind, name)
 
     yield Check("1000 hPa and 20 C", air("density", pressure=1e5, temperature=293.15), 1.18836, rtol=1e-4)
     yield Check("half way", air("density", 0.5, pressure=1e5, temperature=293.15), 1.19418, rtol=1e-4)

@@ -44,8 +44,7 @@ def checks(probe: Probe) -> Checks:
     plants = Params(roughness_density=0.1, drag_ratio=80.0, basal_ratio=2.0, worst_spot=0.4)
 
     def partition(strength: float = 1.0, **conditions: float) -> float:
-        scene = sample_scene(wind=patch)
-        return probe(plants, conditions, scene=scene, strength=strength).wind.partition
+        return probe(plants, conditions, scene=sample_scene(wind=patch), strength=strength).wind.partition
 
     yield Check("Raupach's ratio", partition(), (0.92 * 4.2) ** -0.5)
     yield Check("half the strength is half the density", partition(0.5), (0.96 * 2.6) ** -0.5)

@@ -36,8 +36,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     if READ not in observable or strength == 0.0:
         return value
     diameter = conditions.get("diameter", conditions.get("grain_diameter", params.diameter))
-    ratio = conditions.get("density_ratio", params.density_ratio)
-    length = strength * params.saturation * diameter * ratio
+    length = strength * params.saturation * diameter * conditions.get("density_ratio", params.density_ratio)
     return value * (1.0 - exp(-conditions.get("fetch", params.fetch) / length))
 
 

@@ -77,8 +77,7 @@ def checks(probe: Probe) -> Checks:
     def added_drag(height: float, speed: float, strength: float = 1.0) -> float:
         """Added drag over that of the probe's law."""
         members = air | {"air_velocity": (speed, 0.0, 0.0), "height": height}
-        force = probe(Params(), {}, strength=strength, **members)[0][0]
-        return force / (3.0 * pi * 1.8e-5 * 2e-4 * speed)
+        return probe(Params(), {}, strength=strength, **members)[0][0] / (3.0 * pi * 1.8e-5 * 2e-4 * speed)
 
     def law(gap: float, reynolds: float) -> float:
         a = 0.15 - 0.046 * (1.0 - 0.16 * gap**2) * exp(-0.7 * gap)

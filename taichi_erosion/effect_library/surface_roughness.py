@@ -60,8 +60,7 @@ def checks(probe: Probe) -> Checks:
     ratio = 0.25 / (0.4 / 8.0063676) ** 2
 
     def partition(strength: float = 1.0, **conditions: float) -> float:
-        scene = sample_scene(wind=patch)
-        return probe(stones, conditions, scene=scene, strength=strength).wind.partition
+        return probe(stones, conditions, scene=sample_scene(wind=patch), strength=strength).wind.partition
 
     yield Check("a fifth of the ground under stones", partition(), (0.92 * (1.0 + 0.04 * ratio)) ** -0.5)
     yield Check("at half the strength a tenth", partition(0.5), (0.96 * (1.0 + 0.02 * ratio)) ** -0.5)

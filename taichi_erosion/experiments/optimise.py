@@ -169,8 +169,7 @@ def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
 
     limits = [(-1.0, 1.0)] * len(start)
     # a method without linear algebra: threads of a library would cost more than these few numbers
-    minimum = minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION)
-    return np.asarray(minimum.x)
+    return np.asarray(minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION).x)
 
 
 def goal_shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:

@@ -43,7 +43,7 @@ def dynamic_angle(
     angles = [surface_angle(frame, drum_radius, centre, axis) for frame in frames]
     measured = [angle for angle in angles if angle is not None]
     if not measured:
-        return no_measurement(name, "deg", f"no surface {FEWEST_BINS} diameters wide in the drum's middle")
+        return no_measurement(name, "deg", f"no surface {FEWEST_BINS} diameters wide in mid-drum")
     sd = float(np.std(measured, ddof=1)) if len(measured) > 1 else nan
     missing = len(angles) - len(measured)
     notes = (f"{missing} of {len(angles)} frames show no surface",) if missing else ()

@@ -14,7 +14,8 @@ from taichi_erosion.measures.shortfalls import bed_shortfalls
 
 UNIT = "m s-1"
 # thresholds whose measurements hold no bracket
-THRESHOLDS = (LINE := "impact_threshold_linear", "threshold_ratio", "threshold_ratio_linear")
+LINE = "impact_threshold_linear"
+THRESHOLDS = (LINE, "threshold_ratio", "threshold_ratio_linear")
 NOT_REACHED = "the search did not get that far"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]

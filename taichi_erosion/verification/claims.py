@@ -57,8 +57,7 @@ def relative(claim: str, got: float, want: float, share: float, precision: Preci
 
 def below(claim: str, deviations: ArrayLike, limit: float, precision: Precision) -> Outcome:
     """The largest of some deviations must vanish up to `limit`; a NaN among them fails."""
-    largest = float(np.max(np.abs(np.asarray(deviations, dtype=float))))
-    return Outcome(claim, largest, 0.0, limit, precision)
+    return Outcome(claim, float(np.max(np.abs(np.asarray(deviations, dtype=float)))), 0.0, limit, precision)
 
 
 def holds(claim: str, truth: bool, precision: Precision) -> Outcome:

@@ -151,16 +151,11 @@ def spread_over(training: TrainingRuns, effects: Iterable[str]) -> list[Training
     """Runs of the bare model and of every effect, of adopted ones too: as measured, and where could be."""
     candidates, adopted = known_effects(training.study.problem), training.study.problem.adopted
     names = dict.fromkeys([*effects, *(candidate.name for candidate in adopted)])
-    acting, size, tag = (
-        [None, *(candidates[name] for name in names)],
-        training.plan_size,
-        training.study.fresh,
-    )
-    ahead = [replace(one, rows=one.proposed_rows) for one in training.scenes if one.proposed_rows]
-    places = [*((scene, tag) for scene in training.scenes), *((scene, f"{tag}ahead") for scene in ahead)]
-    return [
-        run for scene, key in places for each in acting for run in design.spread_runs(scene, each, size, key)
-    ]
+    acting, tag = [None, *(candidates[name] for name in names)], training.study.fresh
+    places = [(scene, tag) for scene in training.scenes]
+    places += [(replace(s, rows=s.proposed_rows), f"{tag}ahead") for s, _ in places if s.proposed_rows]
+    designs = (design.spread_runs(s, each, training.plan_size, key) for s, key in places for each in acting)
+    return [run for runs in designs for run in runs]
 
 
 def with_mechanisms(training: TrainingRuns) -> TrainingRuns:

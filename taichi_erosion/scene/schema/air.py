@@ -47,7 +47,7 @@ class AirRun(AirSection):
     seed: int = fields.number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
     duration: float = fields.number(..., "s", "simulated time", 1e-9, LONGEST)
     averaging: float = fields.number(0.2, "1", "last share of a run over which measures take means", 0.0, 1.0)
-    courant: float = fields.number(1.0, "1", "fastest wind times time step over a cell", 1e-3, COURANT_MOST)
+    courant: float = fields.number(1.0, "1", "fastest wind times step over cell length", 1e-3, COURANT_MOST)
     time_step: float | None = fields.number(None, "s", "time step; left out: courant", 1e-12, LONGEST)
     frames: int = fields.number(40, "1", "frames of the recording", 1, 10_000)
 
@@ -56,7 +56,7 @@ class Side(AirSection):
     """One side of the box."""
 
     kind: SideKind = Field(description="what the side does to the air")
-    velocity: Vector = fields.number((0.0, 0.0, 0.0), "m s-1", "of a wall", -fields.FASTEST, fields.FASTEST)
+    velocity: Vector = fields.number((0.0, 0.0, 0.0), "m s-1", "of the wall", -fields.FASTEST, fields.FASTEST)
     roughness_length: float = fields.extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
 
@@ -79,7 +79,7 @@ class PowerProfile(AirSection):
     """Speed that grows with a power of height up to the edge of a layer."""
 
     law: Literal["power"]
-    speed: float = fields.number(..., "m s-1", "wind speed above the layer", 0.0, fields.FASTEST)
+    speed: float = fields.number(..., "m s-1", "wind speed from the layer's edge up", 0.0, fields.FASTEST)
     thickness: float = fields.extent(..., "thickness of the layer", high=fields.FARTHEST)
     exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
@@ -148,7 +148,7 @@ class AirBox(AirSection):
 class AirMeasure(AirSection):
     """Where one observable of the air is read."""
 
-    place: float | None = fields.extent(None, "position along x; left out: a mean", 0.0, fields.FARTHEST)
+    place: float | None = fields.extent(None, "place on x; left out: mean along x", 0.0, fields.FARTHEST)
 
 
 class AirScene(SceneFile):

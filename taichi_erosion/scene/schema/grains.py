@@ -43,10 +43,8 @@ class Lognormal(Section):
     in_metres_only = True
 
     law: Literal["lognormal"]
-    median: float = number(
-        ..., "m", "median diameter by number, not truncated", SMALLEST_GRAIN, LARGEST_GRAIN
-    )
-    sigma_log: float = number(..., "1", "standard deviation of the logarithm of the diameter", 0.0, 2.0)
+    median: float = number(..., "m", "median by number, before truncation", SMALLEST_GRAIN, LARGEST_GRAIN)
+    sigma_log: float = number(..., "1", "standard deviation of ln diameter", 0.0, 2.0)
     low: float = number(..., "m", "smallest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
     high: float = number(..., "m", "largest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
 
@@ -114,7 +112,7 @@ class Kind(Section):
     """Grains of one material among others."""
 
     share: float = number(..., "1", "share of the mass; shares are scaled to 1", 1e-9, MOST_MASS)
-    size: Size = Field(description="law of nominal diameters")
+    size: Size = Field(description="distribution of nominal diameters")
 
 
 class CoarseGraining(Section):
@@ -147,7 +145,7 @@ class Grains(Section):
     kinds: dict[Name, Kind] = Field(
         {}, description="kinds of grains by their names under [materials], in place of size and material"
     )
-    size: Size | None = Field(default=None, validate_default=True, description="law of nominal diameters")
+    size: Size | None = Field(default=None, validate_default=True, description="distribution of diameters")
     material: Name | None = Field(
         default=None, validate_default=True, description="name of a table under [materials]"
     )
@@ -195,7 +193,7 @@ class Softening(Section):
     (E*_simulated / E*_true)^(2/5).
     """
 
-    rule: Literal["bond_number", "sticking_velocity"] = Field(description="what reduced stiffness keeps")
+    rule: Literal["bond_number", "sticking_velocity"] = Field(description="kept as stiffness is reduced")
     true_modulus: float = number(
         ..., "Pa", "real modulus, of the kind (shear or Young) that the material states", 1e3, 1e14
     )
@@ -222,7 +220,7 @@ class Contact(Section):
 
     restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
     friction_sliding: float = number(..., "1", "coefficient of sliding friction", 0.0, 5.0)
-    friction_rolling: float = number(0.0, "1", "limiting torque over radius and normal force", 0.0, 5.0)
+    friction_rolling: float = number(0.0, "1", "limiting rolling torque over radius and force", 0.0, 5.0)
     rolling_radius: Literal["effective", "grain"] = Field(
         default="effective",
         description=(
@@ -230,7 +228,7 @@ class Contact(Section):
             "2 R*, which is that of both grains only where they are equal"
         ),
     )
-    rolling_damping: float = number(0.3, "1", "damping over its critical value (Ai et al. 2011)", 0.0, 1.0)
+    rolling_damping: float = number(0.3, "1", "rolling damping over critical (Ai et al. 2011)", 0.0, 1.0)
     surface_energy: float = number(
         0.0,
         "J m-2",

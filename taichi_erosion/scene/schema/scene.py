@@ -67,12 +67,12 @@ class Run(Section):
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
     seed: int = number(1, "1", "seed of the first replica; the next take the next integers", 0, 2**62)
-    precision: setup.Precision = Field(default="f32", description="floating-point type of forces, velocities")
+    precision: setup.Precision = Field(default="f32", description="floats of forces and velocities")
     time_step: float | None = number(None, "s", "time step; left out: time_step_fraction", SHORTEST, 1.0)
     time_step_fraction: float = number(0.2, "1", "time step over the Rayleigh time", 1e-4, 10.0)
     force_time_step: bool = Field(default=False, description="accept more than 0.3 Rayleigh times")
     check_interval: float = number(1e-3, "s", "simulated time between guards and rest checks", 1e-9, 10.0)
-    skin: float = number(setup.Setup.skin, "1", "least margin of neighbour lists over the radius", 1e-3, 1.0)
+    skin: float = number(setup.Setup.skin, "1", "least margin of neighbour list over radius", 1e-3, 1.0)
     overlap_limit: float = number(
         setup.Setup.overlap_limit, "1", "overlap over the smaller radius that stops the run", 1e-4, 1.0
     )

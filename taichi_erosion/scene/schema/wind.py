@@ -60,7 +60,7 @@ class Wind(Section):
     sleep_share: float = number(
         Coupling.sleep_share, "1", "share of its weight that disturbs a grain that sleeps", 1e-4, 1.0
     )
-    through_flow: float = number(0.0, "m s-1", "superficial velocity up through the bed", -100.0, 100.0)
+    through_flow: float = number(0.0, "m s-1", "superficial velocity of air up the bed", -100.0, 100.0)
 
     @model_validator(mode="after")
     def _in_order(self) -> "Wind":
@@ -88,14 +88,14 @@ class Threshold(Section):
     rise_hold: float = number(0.02, "s", "duration of a step of the ramp", 1e-6, LONGEST_HOLD)
     hold: float = number(0.3, "s", "time from rest in which grains must leave the bed", 1e-6, LONGEST_HOLD)
     levels: int = number(2, "1", "halvings of a step of the ramp to which winds are bisected", 0, 20)
-    excess: float = number(1.2, "1", "u* of the slowed transport over the fluid threshold", 1.0, 10.0)
+    excess: float = number(1.2, "1", "u* before the slowdown over the fluid threshold", 1.0, 10.0)
     transport: float | None = number(
         None, "m s-1", "u* of that transport; given: only its end is searched for", 1e-3, FASTEST_FRICTION
     )
     spin_up: float = number(0.3, "s", "time in which that transport develops", 1e-6, LONGEST_HOLD)
     fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)
     fall_hold: float = number(0.25, "s", "duration of such a step", 1e-6, LONGEST_HOLD)
-    ceased: float = number(0.01, "1", "flux over the start's below which transport has ceased", 1e-6, 0.5)
+    ceased: float = number(0.01, "1", "share of the first flux at which transport has ceased", 1e-6, 0.5)
     steady_air: bool = Field(
         default=False, description="transport that starts and falls: as a stage's steady_air, at every check"
     )

@@ -11,9 +11,7 @@ from taichi_erosion.evidence.emulator import gaussian_process as module
 
 RUNS, SCATTER, DRAWS = 40, 0.15, 20000
 READS = gaussian_process.ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
-ASKED = gaussian_process.Points(
-    np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]])
-)
+AT = gaussian_process.Points(np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]]))
 
 
 @pytest.fixture(scope="module")
@@ -41,23 +39,23 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
     assert effect[0, 1] < -0.8
     assert scatter[0, 1] > 0.6
     assert abs(bend[0, 1]) <= 1.0
-    found = joint.covariance([(0, ASKED), (1, ASKED)])
+    found = joint.covariance([(0, AT), (1, AT)])
     assert np.linalg.eigvalsh(found)[0] > -1e-12
     assert abs(found[1, 3]) > 0.2 * np.sqrt(found[1, 1] * found[3, 3])
 
 
 def test_the_covariance_is_that_of_drawn_errors(joint):
     random, which = np.random.default_rng(8), np.repeat([0, 1], 2)
-    at = module.Values(ASKED, np.tile([0, 1], 2), which)
+    at = module.Values(AT, np.tile([0, 1], 2), which)
     cross = joint.smooth(at, joint.runs)
     whole = np.block([[joint.smooth(at, at), cross], [cross.T, joint.prior]])
     drawn = random.multivariate_normal(np.zeros(len(whole)), whole, DRAWS, method="eigh")
-    asked = [(0, ASKED), (1, ASKED)]
+    asked = [(0, AT), (1, AT)]
     errors = drawn[:, :4] - drawn[:, 4:] @ joint.weights(asked).T
     width = np.array([process.width for process in joint.processes])[which]
     lack = np.zeros((4, 4))
     for place, own in ((0, slice(0, 2)), (1, slice(2, 4))):
-        lack[own, own] = joint.processes[place].lack_of_fit_covariance(ASKED)
+        lack[own, own] = joint.processes[place].lack_of_fit_covariance(AT)
     found = joint.covariance(asked) - lack
     sd = np.sqrt(np.diag(found))
     error = 4.0 * np.outer(sd, sd) * np.sqrt(2.0 / DRAWS)
