@@ -249,7 +249,7 @@ def repose_angle(
     angles = [float(np.mean([f.angle for f in view.usable_flanks])) for view in views if view.usable_flanks]
     if not angles:
         height = float(np.mean([view.height for view in views])) / grain
-        return no_measurement(name, "deg", f"no flank of three diameters: the heap is {height:.1f} high")
+        return no_measurement(name, "deg", f"no heap: no flank of three diameters, {height:.1f} high")
     flags = raise_flags(views, grain)
     beyond = np.linalg.norm(position[:, :2], axis=1) > (plate_radius or np.inf) - grain
     if plate_radius and float(beyond.sum()) * grain / (2.0 * pi * plate_radius) > RIM_SHARE:  # of the rim
