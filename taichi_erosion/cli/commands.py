@@ -372,7 +372,7 @@ def repose(
             raise BadInput(f"--crop {crop}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
         options["crop"] = left, top, right, bottom
     record = measure_photograph(image, **options)
-    from taichi_erosion.report.photograph import draw_detection
+    from taichi_erosion.report.pictures import draw_detection
 
     record |= {"picture": str(draw_detection(image, record, picture))}
     output.print_result(record, as_json, output.print_measurement)

@@ -64,7 +64,7 @@ def survey_wind(
     answer = surveys.survey_document(survey, runs, files)
     if files:
         from taichi_erosion.measures.result import json_value, without_nan
-        from taichi_erosion.report.wind_figure import survey_picture
+        from taichi_erosion.report.pictures import survey_picture
 
         write_atomic(files[0], json.dumps(without_nan(answer), indent=1, default=json_value).encode() + b"\n")
         write_atomic(files[1], survey_picture(answer))

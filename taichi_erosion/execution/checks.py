@@ -9,8 +9,7 @@ from typing import Any
 from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
 from taichi_erosion.core.effect_file import EffectFile, effect_in, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.execution.observables import OBSERVABLES
-from taichi_erosion.execution.own_measure import measure_files
+from taichi_erosion.execution.observables import OBSERVABLES, measure_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolve, scene_hash
 from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene

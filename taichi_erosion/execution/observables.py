@@ -1,17 +1,18 @@
-"""Observables by name: the measure of each, and the input that measures receive."""
+"""Observables by name: the measure of each, measures in files of the user, and the input of all."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import copysign, inf, nan, prod
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_erosion.core.effect_file import EffectFile, error_text, execute, line_of, read_effect_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
-from taichi_erosion.execution.own_measure import own_measure
 from taichi_erosion.measures import (
     coarse_graining,
     drum_and_incline,
@@ -35,6 +36,7 @@ from taichi_erosion.scene.schema.scene import SPLASH, Measure
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
 CONE_SHARE = 0.5  # of the grains of a planned heap, without which no cone has its rows [1]
 LEFT_MOST = 0.05  # of the grains: more inside, and a funnel or tube has not emptied [1]
+REMEDY = 'it needs UNIT = "..." and a function measure(grains, contacts, walls) that gives a number'
 
 
 @dataclass(frozen=True)
@@ -309,7 +311,7 @@ def measure(name: str, state: MeasureInput) -> Measurement:
         end, *frames = of_kind
         state = replace(state, end=end, frames=tuple(frames))
     if state.request.file is not None:
-        return own_measure(name, state)
+        return file_measure(name, state)
     measurement = OBSERVABLES[name](state)
     if name in OF_HEAP and (inside := state.grains_in_tube).sum() > LEFT_MOST * inside.size:
         reason = f"{inside.sum():,} of {inside.size:,} grains are still in the funnel or tube"
@@ -323,3 +325,41 @@ def measure(name: str, state: MeasureInput) -> Measurement:
         details = measurement.details | {"fallen_grains": state.fallen_grains}
         measurement = replace(measurement, notes=notes, details=details)
     return replace(measurement, shortfalls=(*measurement.shortfalls, *lacking))
+
+
+@lru_cache
+def unit_and_function(file: EffectFile) -> tuple[str, Callable[..., Any]]:
+    """Unit and function of a file, which is executed once. Raises BadInput where one is missing."""
+    module = execute(file, REMEDY)
+    unit, function = getattr(module, "UNIT", None), getattr(module, "measure", None)
+    if not isinstance(unit, str) or not callable(function):
+        raise BadInput(f"{file}: is no measure; {REMEDY}")
+    return unit, function
+
+
+def measure_files(scene: Scene) -> dict[str, EffectFile]:
+    """Files of the measures of a scene that are the user's own, by name. Raises BadInput."""
+    named = {name: order.file for name, order in scene.measure.items() if order.file is not None}
+    files = {name: read_effect_file(scene.folder / file, scene.file) for name, file in named.items()}
+    for file in files.values():
+        unit_and_function(file)
+    return files
+
+
+def file_measure(name: str, state: MeasureInput) -> Measurement:
+    """What the function gives at the end of the stage: a number, or one with its standard deviation.
+
+    It gets xarrays of the grains that are there, of the contacts and of the walls, in SI units.
+    """
+    from taichi_erosion.recording.export import contact_table, grain_frame, grain_table, wall_table
+
+    assert state.network is not None
+    unit, function = unit_and_function(measure_files(state.scene)[name])
+    network = state.network()
+    grains = grain_table([grain_frame(state.end)]).isel(time=0).sel(grain=state.end.ident)
+    try:
+        result = function(grains, contact_table([network]), wall_table(state.poses, network))
+        value, sd = (float(number) for number in (result if isinstance(result, tuple) else (result, nan)))
+    except Exception as error:  # whatever the user's code raises
+        return no_measurement(name, unit, f"its function failed{line_of(error)}: {error_text(error)}")
+    return Measurement(name, value, sd, unit)

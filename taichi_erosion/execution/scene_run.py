@@ -17,7 +17,13 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.execution import RunOptions, result
-from taichi_erosion.execution.checkpoint import Checkpointer, restore_run
+from taichi_erosion.execution.checkpoint import (
+    Checkpointer,
+    adapt_state,
+    apply_changes,
+    changed_entries,
+    restore_run,
+)
 from taichi_erosion.execution.checks import idle_entries, library_of, named_effects, read_scene, setup_report
 from taichi_erosion.execution.ensemble_loop import (
     Callback,
@@ -27,7 +33,6 @@ from taichi_erosion.execution.ensemble_loop import (
     run_ensemble,
 )
 from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
-from taichi_erosion.execution.restart import adapt_state, apply_changes, changed_entries
 from taichi_erosion.execution.stages import ReplicaState, whole_intervals
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream

@@ -234,7 +234,7 @@ def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_pa
     record["notes"] = ["left flank only"]
     calls = room("taichi_erosion.measures.photograph", "measure_photograph", record)
     picture = tmp_path / "heap.detected.png"
-    room("taichi_erosion.report.photograph", "draw_detection", picture)
+    room("taichi_erosion.report.pictures", "draw_detection", picture)
     assert main(["measure", "repose", str(image), "--crop", "0,10,200,100", "--background", "dark"]) == 0
     assert calls == [((image,), {"crop": (0, 10, 200, 100), "background": "dark"})]
     lines = capsys.readouterr().out.splitlines()

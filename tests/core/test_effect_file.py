@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from taichi_erosion.cli.effects import render
 from taichi_erosion.cli.main import main
-from taichi_erosion.cli.new_effect import render
 from taichi_erosion.core.effect_file import effect_in, read_effect_file, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library

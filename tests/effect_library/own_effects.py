@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from taichi_erosion.cli.new_effect import render
+from taichi_erosion.cli.effects import render
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.setup import Setup

@@ -6,7 +6,7 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.campaign.request import request_of, simulating
-from taichi_erosion.cli.new_effect import render
+from taichi_erosion.cli.effects import render
 from taichi_erosion.execution import ensemble
 from taichi_erosion.execution.checks import library_of, read_scene
 from taichi_erosion.scene import scene_hash

@@ -12,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.heap import repose_angle
 from taichi_erosion.measures.photograph import measure_photograph
 from taichi_erosion.measures.silhouette import draw_silhouette
-from taichi_erosion.report.photograph import WIDTH, draw_detection
+from taichi_erosion.report.pictures import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
 ROWS, COLUMNS, BASE, HALF_WIDTH = 420, 640, 360, 240  # px; the row of the base line

@@ -28,8 +28,7 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
-from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
-from taichi_erosion.evidence.data.measured import read_rows, with_limits
+from taichi_erosion.evidence.data.measured import column_faults, read_rows, unusual_cells, with_limits
 from taichi_erosion.evidence.data.tables.column_roles import (
     AIR,
     CONDITION,

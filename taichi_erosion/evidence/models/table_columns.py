@@ -13,8 +13,7 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.column_faults import column_faults
-from taichi_erosion.evidence.data.measured import condition_scales, told_by
+from taichi_erosion.evidence.data.measured import column_faults, condition_scales, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import Interview, understand_columns

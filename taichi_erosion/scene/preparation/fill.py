@@ -2,8 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import sha256
 from math import cos, inf, pi, sin, sqrt
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -11,10 +14,10 @@ from numpy.random import Generator
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
+from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
 from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
-from taichi_erosion.scene.schema.fields import FARTHEST, Vector, unit_vector
+from taichi_erosion.scene.schema.fields import FARTHEST, Vector, resolve, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -356,3 +359,31 @@ def start_top(scene: Scene, reach_largest: float) -> float:
     # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
     layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0
     return fill.axis_point[2] + fill.first_height + layers * fill.pitch + reach_largest
+
+
+@lru_cache(maxsize=1)
+def read_bed(path: Path, _written: float) -> tuple[Arrays, dict[str, Any]]:
+    """State and meta of a checkpoint, kept until the file is written again."""
+    return load_checkpoint(path)
+
+
+def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
+    """Grains and contacts of one replica of a checkpoint by rank; `kind` is a place in `Grains.parts`.
+
+    The replica has the same place as that of the seed; fewer of them serve in turn. Raises BadInput.
+    """
+    path = scene.folder / fill.file
+    state, meta = read_bed(path, path.stat().st_mtime if path.is_file() else 0.0)
+    before: dict[str, Any] = meta.get("scene", {"grains": {}})
+    wind, patch = before.get("wind"), before.get("domain", {}).get("period")
+    patch = [wind["length"], wind["width"]] if wind else patch
+    if before["grains"] != resolve(scene)["grains"] or patch != (scene.patch_size and [*scene.patch_size]):
+        raise BadInput(f"fill.file = '{fill.file}': [grains] or periods differ from those of the checkpoint")
+    if scene.grains.clump is not None:
+        raise BadInput(f"fill.file = '{fill.file}': a bed consists of spheres; grains.clump must be left out")
+    prefix = f"replica{(seed - scene.run.seed) % len(meta['replicas'])}_"
+    bed = {name.removeprefix(prefix): values for name, values in state.items() if name.startswith(prefix)}
+    kinds = list(scene.grains.parts)
+    names = sorted({*kinds, *(wall["material"] for wall in before["geometry"].values())})
+    places = np.array([kinds.index(name) if name in kinds else -1 for name in names])
+    return bed | {"kind": places[bed["material"].astype(int)], "position": bed["origin"] + bed["shift"]}

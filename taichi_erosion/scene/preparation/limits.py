@@ -9,14 +9,13 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.contacts import (
     materials_used,
     shear_modulus,
     surface_energy,
     young_effective,
 )
-from taichi_erosion.scene.preparation.fill import clearing_time, inlet_mesh, mesh_cubes, start_top
+from taichi_erosion.scene.preparation.fill import clearing_time, inlet_mesh, mesh_cubes, saved_bed, start_top
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour

@@ -7,9 +7,8 @@ import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
-from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
-from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
+from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, saved_bed, stream
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
 from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, motions, primitive_table

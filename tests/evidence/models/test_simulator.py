@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.cli.new_effect import render
+from taichi_erosion.cli.effects import render
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.simulator import row_at

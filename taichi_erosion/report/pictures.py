@@ -1,11 +1,16 @@
-"""Figure of a survey of one's own sand: thresholds over the diameter, and flux over the wind's stress."""
+"""Pictures of commands: thresholds and flux of a survey of sand; a photograph with its heap detected."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
+from taichi_erosion.core.files import marked_png, write_atomic
+from taichi_erosion.measures.photograph import read_grey
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, Sand, flux_by
 from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, page_style, panels, raster, scale_axis
 
@@ -13,11 +18,14 @@ Document = Mapping[str, Any]
 
 DIAMETERS = np.geomspace(5e-5, 2e-3, 80)  # m
 LINES = ("-", "--", ":", "-.")  # of formulas
+WIDTH = 1280  # px of the picture
+DOTS_PER_INCH = 160
+OUTLINE, BASE, FLANK = "#35c0ff", "#ffd23f", "#ff5c39"
 
 
 @page_style()
 def survey_picture(document: Document) -> bytes:
-    """PNG of both panels."""
+    """PNG of a survey: thresholds over the diameter, flux over the stress of the wind."""
     figure, (left, right) = panels(2, 2, (4.6, 3.6))
     draw_thresholds(left, document)
     draw_flux(right, document)
@@ -61,3 +69,31 @@ def reaches(measure: Document) -> tuple[float, float, float]:
     value, sd = measure.get("value") or np.nan, measure.get("sd") or 0.0
     bounds = measure.get("details", {}).get("interval") or {"low": value - sd, "high": value + sd}
     return value, value - bounds["low"], bounds["high"] - value
+
+
+def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Path:
+    """Write the photograph with the detection of `measure_photograph` over it. Raises BadInput."""
+    grey = read_grey(photograph)
+    details = record["details"]
+    rows, columns = grey.shape
+    width = WIDTH / DOTS_PER_INCH
+    figure = Figure(figsize=(width, width * rows / columns))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.imshow(grey, cmap="gray", vmin=0.0, vmax=1.0, extent=(0.0, columns, rows, 0.0))
+    picture = details["drawing"]
+    axes.plot(*np.transpose(picture["outline"]), color=OUTLINE, lw=1.2, label="outline")
+    base = f"base line, tilt {details['tilt']:.1f} deg"
+    axes.plot(*np.transpose(picture["base"]), color=BASE, lw=1.4, ls="--", label=base)
+    for side in ("left", "right"):
+        if side in picture:
+            label = f"{side} flank, {details[side]:.1f} deg"
+            axes.plot(*np.transpose(picture[side]), color=FLANK, lw=2.6, label=label)
+    left, top, right, bottom = details["crop"]
+    if (left, top, right, bottom) != (0, 0, columns, rows):
+        axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, ls=":", color="white"))
+    axes.set(xlim=(0.0, columns), ylim=(rows, 0.0))
+    axes.axis("off")
+    sd = "" if record["sd"] is None else f" \N{PLUS-MINUS SIGN} {record['sd']:.1f}"
+    title = f"{record['value']:.1f}{sd} deg"
+    axes.legend(title=title, loc="upper right", fontsize=8, title_fontsize=10, framealpha=0.85)
+    return write_atomic(to, marked_png(to, photograph, raster(figure, DOTS_PER_INCH)))
