@@ -16,7 +16,7 @@ from taichi_erosion.scene.load import load_air_scene
 
 FUNNEL = SCENES / "funnel_repose.toml"
 IDLE = (
-    "run.replicas=9 run.seed=99 record.every=0.5 record.bed_every=3 scene.title='other' scene.notes='why' "
+    "run.replicas=9 run.seed=99 record.every=0.5 scene.title='other' scene.notes='why' "
     "measured.repose_angle.value=20.0 gravity.magnitude=9.81 run.skin=0.05 stages.0.until=rest"
 ).split()
 PHYSICS = (

@@ -221,8 +221,7 @@ class Measured(Section):
 class Record(Section):
     """What the recording keeps."""
 
-    every: float = number(0.01, "s", "interval of frames of moving grains", 1e-9, LONGEST)
-    bed_every: float = number(0.1, "s", "interval of frames of the whole bed", 1e-9, LONGEST)
+    every: float = number(0.01, "s", "interval of frames", 1e-9, LONGEST)
     contacts: bool = Field(
         default=False, description="contacts too: their grains and walls, places and forces, as lines"
     )
