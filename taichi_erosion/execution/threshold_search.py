@@ -31,7 +31,7 @@ FIRST_WIND = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in
 LEAST_WIND = 0.02  # of the same: a bed that moves in such a wind was not at rest, and has no threshold [1]
 REST_MOTION = 1e-4  # of a diameter, between two checks: less motion is rest in a steady wind [1]
 REST_AFTER = 0.2  # of a trial, before which a bed does not count as at rest [1]
-ROUNDING = 1e-9  # of an interval: what lies on its end counts as reached [1]
+ROUNDING = 1e-9  # of an interval or of a grain: what lies on its end counts as reached [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
 FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
 TRANSPORT = ("start", "fall")  # phases in which grains blow
@@ -87,7 +87,7 @@ class ThresholdSearch:
     @property
     def grains_needed(self) -> int:
         """Number of grains that must leave the bed for it to count as moved."""
-        return max(1, ceil(self.scene.threshold.share * float(self.period.prod()) / self.diameter**2))
+        return max(1, ceil(self.scene.threshold.share * self.period.prod() / self.diameter**2 - ROUNDING))
 
 
 def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> ThresholdSearch:

@@ -101,10 +101,10 @@ def test_a_bed_is_at_rest_early_only_in_a_steady_wind_and_moves_with_the_grains_
     assert trial_outcome(search, scene.threshold.hold, steady=False) is False
     search.trial.largest_motion = search.diameter
     assert trial_outcome(search, half, steady=True) is None
-    # it moves when as many grains left as are asked for
-    search = ThresholdSearch(scene, {}, trial(0.2, grains=10))
+    # it moves when as many grains left as are asked for: one percent of 25 by 8 diameters are two, not three
+    search = ThresholdSearch(load_scene(SCENE.with_name("quartz_wind.toml")), {}, trial(0.2, grains=10))
     search.phase = "hold"
-    search.trial.risen = np.arange(10) < search.grains_needed - 1
+    search.trial.risen = np.arange(10) < 1
     assert trial_outcome(search, 0.0, steady=True) is None
-    search.trial.risen = np.arange(10) < search.grains_needed
+    search.trial.risen = np.arange(10) < 2
     assert trial_outcome(search, 0.0, steady=True) is True
