@@ -135,8 +135,8 @@ def release_stale_leases(ledger: Ledger) -> None:
     query = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
     for owner, last in ledger.database.rows(query):
         machine, _, process = owner.rpartition(":")
-        gone = machine == socket.gethostname() and not is_alive(int(process))
-        if owner != ledger.owner and (gone or time.time() - last > LEASE):
+        is_dead = machine == socket.gethostname() and not is_alive(int(process))
+        if owner != ledger.owner and (is_dead or time.time() - last > LEASE):
             release_leases(ledger, owner)
 
 

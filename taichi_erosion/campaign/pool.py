@@ -146,8 +146,8 @@ class Pool:
         """Batches that have ended, after a wait of up to `timeout` seconds for the first."""
         if not self.in_flight:
             time.sleep(timeout)
-        done, _ = wait(self.in_flight, timeout, FIRST_COMPLETED)
-        return [self.end_of(future, *self.in_flight.pop(future)) for future in done]
+        futures, _ = wait(self.in_flight, timeout, FIRST_COMPLETED)
+        return [self.end_of(future, *self.in_flight.pop(future)) for future in futures]
 
     def end_of(self, future: Future[Records], batch: Batch, executor: Executor | None) -> FinishedBatch:
         """What came of one batch; a local worker that died is replaced."""

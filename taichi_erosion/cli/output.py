@@ -204,8 +204,8 @@ def print_new_study(document: Record) -> None:
     print_lines(document["assumed"], "assumed: ")
     if "changes" in document:
         changed = ", ".join(map(str, document["changes"]["lines"])) or "none"
-        gone = f"{document['changes']['removed']} gone, the others stay held out or fitted"
-        typer.echo(f"{document['study']} was there already; new or corrected rows: {changed}; {gone}")
+        removal = f"{document['changes']['removed']} gone, the others stay held out or fitted"
+        typer.echo(f"{document['study']} was there already; new or corrected rows: {changed}; {removal}")
         typer.echo("Its other entries stay as they are; --anew writes the whole study again.")
     print_content(document)
     print_lines(document["written"], "written: ")

@@ -77,8 +77,8 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     if state.stage == len(scene.stages):
         state.finished = True
         if state.removed and scene.domain.outside is None:
-            first, (_, gone) = state.removed[0][0], state.removed[-1]
-            state.warn(f"{gone:,.0f} grains left the domain, the first by {first:.3g} s, and were taken out")
+            first, (_, count) = state.removed[0][0], state.removed[-1]
+            state.warn(f"{count:,.0f} grains left the domain, the first by {first:.3g} s, and were taken out")
         return
     state.began = time
     state.frames, state.tilts, state.airs, state.loads = [], [], [], []

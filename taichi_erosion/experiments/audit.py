@@ -200,9 +200,9 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
         factor = table.factors[cell.column]
         printed = f"{table.levels[cell.row, cell.column]:g}"
         level = factor.centre + factor.half * cell.level
-        only = "it is the only such cell" if count == 1 else f"one of {count} such cells"
+        remark = "it is the only such cell" if count == 1 else f"one of {count} such cells"
         sentence = f"row {cell.row + 1}, {factor.path} is printed {printed}; "
-        sentence += f"{level:g} makes the design balanced and orthogonal, and {only}"
+        sentence += f"{level:g} makes the design balanced and orthogonal, and {remark}"
         yield Finding("cell", sentence, "", factor.path, cell.row + 1, printed, level)
 
 
@@ -357,8 +357,8 @@ def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, 
         for quantity in published.vocabulary()["quantities"]
     }
     best = max(shares, key=lambda quantity: shares[quantity])
-    better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(words, 0.0)
-    return words, best if better else words
+    is_better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(words, 0.0)
+    return words, best if is_better else words
 
 
 def number_findings(comparisons: Sequence[Comparison]) -> Iterator[Finding]:

@@ -78,12 +78,12 @@ def balance_partitions(world_out: ti.template(), r):
     if parts > 1:
         for i in range(base, base + count):
             whole += cost(world_out, i)
-    begun = 1
+    number = 1
     spent = ti.cast(0, ti.i64)
     for rank in range(count * ti.cast(parts > 1, ti.i32)):
-        while begun < parts and spent * parts >= whole * begun:
-            replicas_out.bounds[r, begun] = rank
-            begun += 1
+        while number < parts and spent * parts >= whole * number:
+            replicas_out.bounds[r, number] = rank
+            number += 1
         spent += cost(world_out, base + cells.order[r * grains.capacity + rank])
-    for p in range(begun, parts):
+    for p in range(number, parts):
         replicas_out.bounds[r, p] = count

@@ -308,10 +308,10 @@ def wall_gap(world: ti.template(), r, i, w):
     near = grains.radius[i] + world.replicas.reach[r]
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
-        seen = into_wall_frame(walls, s, grains.origin[i])
+        local = into_wall_frame(walls, s, grains.origin[i])
         ball_reach = walls.ball_radius[w] + near + wall_skin(world, r, i, w)
-        if (seen - walls.ball_centre[w]).norm_sqr() < ball_reach * ball_reach:
-            gap = wall_distance(walls, w, wall_offset(walls, w, seen)) - near
+        if (local - walls.ball_centre[w]).norm_sqr() < ball_reach * ball_reach:
+            gap = wall_distance(walls, w, wall_offset(walls, w, local)) - near
     return gap
 
 

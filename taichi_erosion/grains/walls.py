@@ -169,11 +169,11 @@ def wall_distance(walls: ti.template(), w, offset):
 @ti.func
 def into_wall_frame(walls: ti.template(), s, position):
     """Position in the frame of surface s, where the surface is as at the start [m]."""
-    seen = position
+    local = position
     if walls.has_moved[s] == 1:
         centre = walls.centre[s]
-        seen = walls.turn[s].transpose() @ (position - centre - walls.shift[s]) + centre
-    return seen
+        local = walls.turn[s].transpose() @ (position - centre - walls.shift[s]) + centre
+    return local
 
 
 @ti.func

@@ -45,7 +45,7 @@ def mass_flow(
     first, last = steady_window(rate[flowing[0] : flowing[-1] + 1])
     first, last = first + flowing[0], last + flowing[0]
     grains = sum(number for _, number, _ in counted[first:last])
-    missing = sum(gone for _, _, gone in counted)
+    missing = sum(count for _, _, count in counted)
     begin, end = frames[first].time, frames[last].time
     notes = [f"steady from {begin:.4g} to {end:.4g} s, {grains:,} grains crossed"]
     if grains < FEW:

@@ -256,8 +256,8 @@ def detect(path: Path, grey: Grey, background: Background, threshold: float | No
     flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
     if not any(flanks):
         raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
-    seen = "not seen" if line is None else "seen"
-    return Detection(body, threshold, side, seen, tilt, outline, flanks)
+    visibility = "not seen" if line is None else "seen"
+    return Detection(body, threshold, side, visibility, tilt, outline, flanks)
 
 
 @dataclass(frozen=True)

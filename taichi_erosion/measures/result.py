@@ -74,7 +74,7 @@ def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
     by_flag: dict[str, list[Shortfall]] = {}
     for lack in (lack for repeat in repeats for lack in repeat.shortfalls):
         by_flag.setdefault(lack.flag, []).append(lack)
-    common = [found for found in by_flag.values() if 2 * len(found) >= len(repeats)]
+    common = [alike for alike in by_flag.values() if 2 * len(alike) >= len(repeats)]
     return tuple(sorted(found, key=lambda lack: lack.found)[(len(found) - 1) // 2] for found in common)
 
 

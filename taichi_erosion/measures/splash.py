@@ -33,8 +33,8 @@ FAST = 0.5  # m s-1, of a landing whose rebound is compared with experiments tha
 class Flight:
     """One flight of one grain: its ends in time [s], and forward and vertical speed there [m s-1]."""
 
-    began: float
-    ended: float
+    takeoff: float
+    landing: float
     start: tuple[float, float]
     end: tuple[float, float]
 
@@ -52,16 +52,16 @@ def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
     """Count landings, rebounds and ejecta; what the ends of the series cut off is left out."""
     times = np.array([frame.time for frame in frames])
     fall = sqrt(2.0 * patch.diameter / gravity) if gravity > 0.0 else inf
-    apart = 2.0 * (fall + float(np.diff(times).max(initial=0.0)))
+    gap = 2.0 * (fall + float(np.diff(times).max(initial=0.0)))
     impacts, bounced, ejected = [], [], 0
     for grain in np.flatnonzero(np.any([f.position[:, 2] > patch.clear for f in frames], axis=0)).tolist():
         flights = list(flights_of(grain, frames, patch, gravity))
         for before, after in zip([None, *flights], [*flights, None], strict=True):
-            follows = before is not None and after is not None and after.began - before.ended <= apart
-            if before is not None and before.ended <= times[-1] - apart:
+            follows = before is not None and after is not None and after.takeoff - before.landing <= gap
+            if before is not None and before.landing <= times[-1] - gap:
                 impacts.append(before.end)
                 bounced.append(after.start if after is not None and follows else (nan, nan))
-            if after is not None and not follows and after.began >= times[0] + apart:
+            if after is not None and not follows and after.takeoff >= times[0] + gap:
                 ejected += 1
     pair = (-1, 2)
     return Splash(np.array(impacts).reshape(pair), np.array(bounced).reshape(pair), ejected)

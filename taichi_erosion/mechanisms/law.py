@@ -57,8 +57,8 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
             got = probe(params, conditions, scene=scene)
             want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
             numbers = (numbers_in(resolve(each)) for each in (got, want))
-            apart = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
-            yield Check(claim, max(apart), 0.0, atol=1e-4)
+            differences = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
+            yield Check(claim, max(differences), 0.0, atol=1e-4)
         else:
             yield Check(claim, device_response(mechanism, probe, params, conditions), response, rtol=1e-3)
 

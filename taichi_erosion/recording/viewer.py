@@ -147,7 +147,7 @@ def render_picture(
             raise BadInput(f"--time {seconds:g}: {path} runs from 0 to {end:.6g} s")
         client.set_time(TIMELINE, duration=seconds, play_state="paused")
         time.sleep(DRAW_TIME if view else NOTICE_TIME)
-        views = {shown.name: shown.view_id for shown in client.get_state().views}
+        views = {each.name: each.view_id for each in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
         picture = screenshot(client, views[view] if view else None)

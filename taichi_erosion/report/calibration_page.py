@@ -135,8 +135,8 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     elif test["power"] < LEAST_POWER:
         answer = "Not refuted."
     keys = ("difference", "detectable", "resolve")
-    difference, seen, resolved = (with_scatter_of(test[key], test["runs"]["sd"]) for key in keys)
-    power = POWER.format(seen=seen, resolved=resolved, unit=unit, power=test["power"])
+    difference, detectable, resolved = (with_scatter_of(test[key], test["runs"]["sd"]) for key in keys)
+    power = POWER.format(seen=detectable, resolved=resolved, unit=unit, power=test["power"])
     far = f"{difference} {unit}, p = {test['p']:.2g}"
     return f"**{answer}** {VERDICTS[answer].format(name=name, far=far, power=power)}"
 

@@ -73,7 +73,7 @@ def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     replies, others = stored_replies(study)
     answers = replies.values()
     first = replies.get("adopt") or next(iter(answers))  # which knows the written study
-    warnings = [*(line for each in answers for line in each.about["set_up"]), page_words.left_out(others)]
+    warnings = [*(line for each in answers for line in each.about["set_up"]), page_words.omissions(others)]
     notes = [line for each in answers for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
     if {"discover", "adopt"} <= set(records):
@@ -147,7 +147,7 @@ def answer_page(
     adoption = records.get("adopt", leading)
     misfits = [figures.ladder_picture(adoption)] if page_words.added_words(adoption) else []
     numbers = [figures.number_picture(adoption)] if adoption.parameters else []
-    drawn = missing, [*misfits, *numbers, *others], []
+    columns = missing, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
     tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)
     *titles, method_title = page_words.SECTIONS
@@ -161,7 +161,7 @@ def answer_page(
         "key": figures.model_labels(leading),  # of the first picture: measured, both models
         "sections": [
             Section(name, commands, [each for each in named_tables if each], pictures)
-            for name, commands, named_tables, pictures in zip(titles, parts[1:], tables, drawn, strict=True)
+            for name, commands, named_tables, pictures in zip(titles, parts[1:], tables, columns, strict=True)
         ],
         "method_title": method_title,
         "methods": page_words.methods(leading, model),

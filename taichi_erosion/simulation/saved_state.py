@@ -182,8 +182,8 @@ def import_state(sim: Simulation, state: Arrays) -> None:
         field = getattr(replicas, name)
         write_field(field, in_room(state[name], field.shape))
     sums = (world.walls.push, world.walls.stiffness)
-    for gone in (replicas.need, world.grains.force, world.grains.torque, *sums):
-        write_field(gone, 0)
+    for stale in (replicas.need, world.grains.force, world.grains.torque, *sums):
+        write_field(stale, 0)
     if sim.capacities.surfaces:
         upload(saved_columns("surface_", world.walls, SURFACE, state))
     for r in range(count):

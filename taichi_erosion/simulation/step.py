@@ -48,9 +48,9 @@ def check_positions(world_out: ti.template(), r):
     leaving = 0
     for rank in range(world_out.replicas.released[r]):
         fault, value = position_fault(world_out, r, rank)
-        gone = mark_leaving(world_out, r, rank, fault)
-        leaving += gone
-        if fault != 0 and gone == 0:
+        leaves = mark_leaving(world_out, r, rank, fault)
+        leaving += leaves
+        if fault != 0 and leaves == 0:
             stop_at(world_out.replicas, r, rank, fault, value)
     world_out.replicas.leaving[r] = leaving
 
@@ -59,14 +59,14 @@ def check_positions(world_out: ti.template(), r):
 def mark_leaving(world_out: ti.template(), r, rank, fault):
     """Note for the sort whether a grain is to be taken out, which stays in all lists; returns 1 if so."""
     (grains,) = ti.static((world_out.grains,))
-    gone = world_out.replicas.removes[r] * ti.cast(fault == LOST, ti.i32)
+    leaves = world_out.replicas.removes[r] * ti.cast(fault == LOST, ti.i32)
     if world_out.replicas.removes[r] == 1:
-        world_out.cells.cell[r * grains.capacity + rank] = GONE * gone
+        world_out.cells.cell[r * grains.capacity + rank] = GONE * leaves
         if ti.static(world_out.has_clumps):
-            if gone == 1:
+            if leaves == 1:
                 i = side_block(grains, r, world_out.replicas.side[r]) + rank
                 world_out.clumps.rank[r * grains.capacity + grains.ident[i]] = NOWHERE
-    return gone
+    return leaves
 
 
 @ti.func
@@ -226,21 +226,21 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
     """Time loop of one replica until its steps are done, it needs the host, it pauses, or it fails."""
     (replicas_out,) = ti.static((world_out.replicas,))
     phase = 1
-    done = 0
+    count = 0
     going = replicas_out.status[r] == 0
-    while going and done < steps:
+    while going and count < steps:
         action = required_action(world_out, r)
         if action == REBUILD:
             phase = rebuild(world_out, r, member, size, phase)
         going = action != STOP and replicas_out.status[r] == 0
         if going:
             paused = replicas_out.pause[r] == 1
-            is_last = done == steps - 1 or paused
+            is_last = count == steps - 1 or paused
             phase = step_replica(world_out, coupling_out, r, member, size, phase, is_last)
-            done += 1
+            count += 1
             going = not paused
     if member == 0:
-        finish_launch(replicas_out, r, done)
+        finish_launch(replicas_out, r, count)
 
 
 @ti.func

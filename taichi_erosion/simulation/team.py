@@ -24,7 +24,7 @@ SPIN_SECONDS = 1e-8  # of one spin, by order of magnitude
 class Team:
     """Workers that are left out of every team, and what decides on it."""
 
-    left_out: int = 0
+    absent: int = 0
     adapts: bool = True
     wall: float = 0.0  # s of launches since the last judgement
     processor_time: float = 0.0  # processor time of them [s]
@@ -43,7 +43,7 @@ def mean_threads(team: Team) -> dict[str, float]:
 
 def team_size(team: Team, most: int) -> int:
     """Workers of a team of the coming launch, of which there are at most `most`."""
-    return max(most - team.left_out, 1)
+    return max(most - team.absent, 1)
 
 
 def spins_most(pace: float) -> int:
@@ -63,15 +63,15 @@ def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: 
 def adapt_size(team: Team, teams: int, size: int, most: int, late: bool) -> None:
     """Leave a worker out of every team, or take some back, by what the last launches got of the cores."""
     now = time.perf_counter()
-    team.left_out = min(team.left_out, most - 1)
+    team.absent = min(team.absent, most - 1)
     team.has_late_worker |= late
     idle = teams * size * team.wall - team.processor_time
     if size > 1 and (team.wall >= WINDOW or idle >= LOST_MOST * teams):
         if team.has_late_worker and idle * size > teams * team.wall:
             shrink(team, now, min(max(round(idle / (teams * team.wall)), 1), size - 1))
         begin_window(team)
-    if 0 < team.left_out and size < most and now - max(team.shrink_time, team.growth_time) >= team.wait:
-        team.left_out //= 2
+    if 0 < team.absent and size < most and now - max(team.shrink_time, team.growth_time) >= team.wait:
+        team.absent //= 2
         team.growth_time = now
         begin_window(team)
 
@@ -84,5 +84,5 @@ def begin_window(team: Team) -> None:
 def shrink(team: Team, now: float, fewer: int) -> None:
     """Leave so many more workers out; they come back later where the last one came back too early."""
     team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.growth_time < RELAPSE else WAIT_LEAST
-    team.left_out += fewer
+    team.absent += fewer
     team.shrink_time = now

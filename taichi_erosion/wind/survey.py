@@ -148,14 +148,14 @@ def run_survey(
     texts = {folder / f"{name}.toml": text for name, text in scenes_of(survey).items()}
     for path in texts:
         refuse_foreign(path, SCENE, force)
-    for done, (path, text) in enumerate(texts.items()):
+    for number, (path, text) in enumerate(texts.items()):
 
-        def part(share: float, words: str, done: int = done, name: str = path.stem) -> None:
+        def part(share: float, words: str, done: int = number, name: str = path.stem) -> None:
             report((done + share) / len(texts), f"{name}: {words}")
 
         make_parent(path)
         write_atomic(path, marked_toml(path, SCENE, text))
-        yield path.stem, run_beds(path, survey, inf if done else survey.precision, part)
+        yield path.stem, run_beds(path, survey, inf if number else survey.precision, part)
 
 
 def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> dict[str, Any]:

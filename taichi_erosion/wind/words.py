@@ -38,12 +38,12 @@ def flux_table(document: Document) -> Table:
     runs, measured, laws = document["runs"], document["measured"], tuple(document["flux"][0])
     head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measured))
     rows = []
-    for wind, formulas, wanted in zip(document["winds"], document["flux"], measured, strict=True):
+    for wind, formulas, measurement in zip(document["winds"], document["flux"], measured, strict=True):
         measure = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
         cells = [f"{wind:g}", *[with_interval(measure, 1e3)] * bool(runs)]
         cells += [
             *(plain(1e3 * formulas[law]) for law in laws),
-            *[with_interval(wanted, 1e3)] * any(measured),
+            *[with_interval(measurement, 1e3)] * any(measured),
         ]
         rows.append(tuple(cells))
     return Table(f"flux [g/(m s)], {INTERVAL}", head, tuple(rows))

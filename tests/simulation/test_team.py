@@ -36,7 +36,7 @@ class Machine:
 def test_a_worker_is_left_out_where_two_do_less_than_one(seconds, free, late, left_out, monkeypatch):
     machine = Machine(monkeypatch)
     machine.launches(seconds, free, late=late)
-    assert machine.team.left_out == left_out
+    assert machine.team.absent == left_out
 
 
 def test_many_workers_are_left_out_at_once(monkeypatch):
@@ -52,7 +52,7 @@ def relapses(machine: Machine, seconds: float, quiet: float) -> int:
     count = 0
     for _ in range(round(seconds / (quiet + 0.5))):
         machine.launches(quiet, free=2.0)
-        count += machine.team.left_out == 0
+        count += machine.team.absent == 0
         machine.launches(0.5, free=1.0)
     return count
 
@@ -68,11 +68,11 @@ def test_larger_teams_are_tried_less_and_less_often_and_come_back_for_good(monke
     sizes = []
     for _ in range(round(600.0 / LAUNCH)):
         machine.launches(LAUNCH, free=1.0)
-        sizes.append(machine.team.left_out == 0)
+        sizes.append(machine.team.absent == 0)
     # after 1/2, 1, 2, 4, 8, 16, 32, then every 60 s of ten minutes
     assert 14 <= sum(sizes) <= 18
     machine.launches(module.WAIT_MOST + 1.0, free=2.0)
-    assert machine.team.left_out == 0
+    assert machine.team.absent == 0
 
 
 def test_a_result_says_how_many_threads_were_at_work(monkeypatch):

@@ -64,9 +64,9 @@ def set_curvature(air_out: ti.template(), r, i, j):
     """A p in one column, and its product with p."""
     (krylov_out,) = ti.static((air_out.krylov,))
     total, c = real(0.0), i * air_out.cells[1] + j
-    beside = neighbour_columns(air_out.levels, 0, i, j)
+    neighbours = neighbour_columns(air_out.levels, 0, i, j)
     for k in range(air_out.cells[2]):
-        product = negative_laplacian(air_out.levels, krylov_out.direction, r, c, beside, k)
+        product = negative_laplacian(air_out.levels, krylov_out.direction, r, c, neighbours, k)
         krylov_out.laplacian[r, c, k] = product
         total += product * krylov_out.direction[r, c, k]
     krylov_out.column_sum[r, c] = total
@@ -105,8 +105,8 @@ def worst_cell(air: ti.template(), r):
 def solve_replica(air_out: ti.template(), r):
     """The solve of one replica on one thread; returns its worst cell [1]."""
     air_out.krylov.residual_product[r] = 0.0
-    worst, done = worst_cell(air_out, r), 0
-    while worst > REPLICA_TOLERANCE and done < ITERATIONS_MOST:
+    worst, rounds = worst_cell(air_out, r), 0
+    while worst > REPLICA_TOLERANCE and rounds < ITERATIONS_MOST:
         cycle_replica(air_out.levels, r)
         each_column(sum_residual_product, air_out, r, r + 1)
         set_direction_weight(air_out, r)
@@ -115,7 +115,7 @@ def solve_replica(air_out: ti.template(), r):
         set_step_length(air_out, r)
         each_column(update_solution, air_out, r, r + 1)
         worst = worst_cell(air_out, r)
-        done += 1
+        rounds += 1
     return worst
 
 

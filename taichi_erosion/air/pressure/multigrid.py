@@ -162,10 +162,10 @@ def coarsen_conductances(levels_out: ti.template(), level, r, i, j):
 @ti.func
 def factor_line(levels_out: ti.template(), level, r, i, j):
     """Inverse pivots of one line."""
-    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+    c, neighbours = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     below = real(0.0)
     for k in range(levels_out.right_side.shape[2]):
-        here = diagonal(levels_out, r, c, beside, k)
+        here = diagonal(levels_out, r, c, neighbours, k)
         here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
         lower = levels_out.conductance_z[r, c, k]
         below = 1.0 / (here - lower * lower * below)
@@ -210,9 +210,9 @@ def relax_colour(levels_out: ti.template(), level, colour, r, i, j):
 @ti.func
 def set_residual(levels_out: ti.template(), level, r, i, j):
     """Residual of one line."""
-    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+    c, neighbours = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     for k in range(levels_out.right_side.shape[2]):
-        operator = negative_laplacian(levels_out, levels_out.solution, r, c, beside, k)
+        operator = negative_laplacian(levels_out, levels_out.solution, r, c, neighbours, k)
         levels_out.residual[r, c, k] = levels_out.right_side[r, c, k] - operator
 
 
@@ -278,11 +278,11 @@ def prolong_line(levels_out: ti.template(), level, r, i, j):
     north = second_parent(j, fine_y // by_y, by_y, levels_out.periodic_y)
     west, south = i // by_x, j // by_y
     column = column_of(levels_out, level + 1, west, south)
-    beside = column_of(levels_out, level + 1, east, south)
+    coarse_column = column_of(levels_out, level + 1, east, south)
     ahead = column_of(levels_out, level + 1, west, north)
     corner = column_of(levels_out, level + 1, east, north)
     for k in range(levels_out.right_side.shape[2]):
-        near = 0.75 * levels_out.solution[r, column, k] + 0.25 * levels_out.solution[r, beside, k]
+        near = 0.75 * levels_out.solution[r, column, k] + 0.25 * levels_out.solution[r, coarse_column, k]
         far = 0.75 * levels_out.solution[r, ahead, k] + 0.25 * levels_out.solution[r, corner, k]
         levels_out.solution[r, c, k] = levels_out.solution[r, c, k] + 0.75 * near + 0.25 * far
 

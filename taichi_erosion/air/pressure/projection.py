@@ -195,12 +195,12 @@ def correct_column(air_out: ti.template(), r, i, j, share):
     """Velocities on the low faces of one column less the gradient of psi, and its pressure."""
     (psi,) = ti.static((air_out.krylov.psi,))
     width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
-    c, beside = i * air_out.cells[1] + j, neighbour_columns(air_out.levels, 0, i, j)
+    c, neighbours = i * air_out.cells[1] + j, neighbour_columns(air_out.levels, 0, i, j)
     for k in range(air_out.cells[2]):
         here, cell = psi[r, c, k], ti.Vector([i, j, k])
         for axis, low in ti.static(((0, 0), (1, 2))):  # west, south
             if is_solved(air_out, i, j, axis):
-                slope = (here - psi[r, beside[low], k]) / width[axis]
+                slope = (here - psi[r, neighbours[low], k]) / width[axis]
                 subtract_gradient(air_out, r, cell, axis, slope, time)
         if k > 0:
             gap = air_out.centre[r, k] - air_out.centre[r, k - 1]

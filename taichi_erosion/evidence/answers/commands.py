@@ -79,10 +79,10 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda inference: [inference.about_bare], most_points=1)
-        found, ready = answer_of(study, last_plan(study), question, progress)
-        record = summary(restrict(found.posterior.race, lambda h: not h.acting))
-        record = replace(record, **vars(found.decision.part))
-        return stored_reply(ready, "compare", found, record, start)
+        bare_inference, ready = answer_of(study, last_plan(study), question, progress)
+        record = summary(restrict(bare_inference.posterior.race, lambda h: not h.acting))
+        record = replace(record, **vars(bare_inference.decision.part))
+        return stored_reply(ready, "compare", bare_inference, record, start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -132,8 +132,8 @@ def adopt_study(
         earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
         strengths |= {name: record.effects[name].interval for name in names}
-        written = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
-        details = {"written": str(written[0]), "files": [str(file) for file in written]}
+        paths = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
+        details = {"written": str(paths[0]), "files": [str(file) for file in paths]}
         details |= {"ladder": files.extended_ladder(study, record)}
         adopted_inference = replace(
             adopted_inference, posterior=condition_on_effects(adopted_inference.posterior, effects)
@@ -178,12 +178,12 @@ def discover_record(inference: StudyInference) -> Record:
 
     A name that fresh runs contradict is not stable.
     """
-    posterior, told = inference.posterior, inference.decision
+    posterior, answer = inference.posterior, inference.decision
     other = defaultdict[str, list[DecisionPart]](list)
-    for prior, _, decision in sensitivity(posterior, told):
+    for prior, _, decision in sensitivity(posterior, answer):
         other[prior].append(decision.part)
-    record = replace(summary(posterior, told), fresh_runs=inference.fresh, sensitivity=dict(other))
-    record = replace(record, mechanisms=mechanism_parts(record, law_of_decision(posterior, told)))
+    record = replace(summary(posterior, answer), fresh_runs=inference.fresh, sensitivity=dict(other))
+    record = replace(record, mechanisms=mechanism_parts(record, law_of_decision(posterior, answer)))
     doubted = (*record.named, *record.group)
     if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
         return replace(record, verdict="unstable", named=(), group=doubted, sensitivity={})

@@ -112,7 +112,7 @@ class Kind:
         s = random.standard_normal((DRAWS, columns.shape[1]))
         logs = []
         for fit in self.refit_with_runs(mean, runs.columns):
-            along, gram = fit.evidence.solved.against(columns)
+            along, gram = fit.evidence.solution.against(columns)
             logs.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
         return np.logaddexp.reduce(logs, axis=0)
 
@@ -148,7 +148,7 @@ def total(fits: Sequence[Fit]) -> float:
 def is_true(decision: Decision, hypothesis: Hypothesis) -> bool:
     """Whether all that is named acts in an explanation, and one of the group; of mechanisms the first."""
     acting, group = hypothesis.acting, set(decision.group)
-    return decision.sure <= acting and (not group or bool(group & acting))
+    return decision.core <= acting and (not group or bool(group & acting))
 
 
 def kinds_of(race: Race, decision: Decision) -> list[Kind]:

@@ -32,7 +32,7 @@ from taichi_erosion.evidence.race.outlook import (
     forecast,
     held_out_rows,
     joint_rows,
-    left_out,
+    leave_one_out,
     new_rows,
 )
 from taichi_erosion.evidence.race.posterior import Posterior
@@ -103,10 +103,10 @@ def predict_study(
             prediction(inference.posterior, new, opened, inference.query), new_runs=inference.query_runs
         )
         record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
-        name, seen = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
+        name, count = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
         if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
-            seen = record_opening(study.results, study.drawn_from, name)
-        about = study_frame(ready, inference) | {"at": new.file, "vault_opened": seen}
+            count = record_opening(study.results, study.drawn_from, name)
+        about = study_frame(ready, inference) | {"at": new.file, "vault_opened": count}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
         files.write_document(files.document_file(study.results, study.path.stem, "predict"), reply.document)
@@ -149,13 +149,13 @@ def prediction(
     fitted = posterior.race.prepared.rows
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
-    if opened and (held := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = check_of(forecast(posterior, joint_rows(posterior.race, held)).below(), ~held.censored)
+    if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
+        held_out = check_of(forecast(posterior, joint_rows(posterior.race, vault)).below(), ~vault.censored)
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
-        fitted=check_of(left_out(posterior), ~fitted.censored),
+        fitted=check_of(leave_one_out(posterior), ~fitted.censored),
         held_out=held_out,
-        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beside),
+        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.extra),
         outdated=(),
         lost=tuple(dict.fromkeys(lost)),
         constant=wanted.constant,
@@ -170,7 +170,7 @@ def predicted_rows(
     place = new or query_rows(race, wanted)
     names, groups = place.rows.names, place.rows.group
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
-    seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
+    labels = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
     outlook, fit = forecast(posterior, place), race.bare
     model, runs = place.model.sure_mean((), fit.v)[fit.mean.size :], place.runs
     model = model if runs is None else model + runs[1]
@@ -190,7 +190,7 @@ def predicted_rows(
             measured_high=max(mean.high, measured.high),
             outside=dict(extrapolations(table, names[k], wanted, i)),
             group=groups[k],
-            unseen=groups[k] not in seen,
+            unseen=groups[k] not in labels,
             simulated=runs is not None and bool(runs[0][k] and np.isfinite(model[k])),
         )
 

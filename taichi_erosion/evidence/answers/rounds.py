@@ -135,11 +135,11 @@ def is_final(inference: StudyInference) -> bool:
 
 def points(inference: StudyInference) -> Points:
     """The likeliest explanations, the bare model first; none where more runs decide nothing."""
-    likely = [names for names, p in sets(inference.posterior).items() if p >= KEEP]
-    if not has_open_question(inference.decision) or len(likely) < 2:
+    plausible = [names for names, p in sets(inference.posterior).items() if p >= KEEP]
+    if not has_open_question(inference.decision) or len(plausible) < 2:
         return []
     race = inference.posterior.race
-    return inference.about(*(closest(race, names) for names in sorted(likely[:MOST_POINTS], key=bool)))
+    return inference.about(*(closest(race, names) for names in sorted(plausible[:MOST_POINTS], key=bool)))
 
 
 def required_points(inference: StudyInference) -> Points:
@@ -150,8 +150,8 @@ def required_points(inference: StudyInference) -> Points:
     fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
         return inference.about(*dosed[:MOST_POINTS])
-    refined = [[f for f in race.sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
-    return inference.about(*(max(kind, key=score) for kind in refined if kind))
+    optima = [[f for f in race.sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
+    return inference.about(*(max(kind, key=score) for kind in optima if kind))
 
 
 def answer_question(
@@ -315,8 +315,8 @@ def next_points(
     alike = [
         points for points in own_rounds[runs.plan_size.rounds :] if has_doses(points) == has_doses(about)
     ]
-    done = len(alike) >= MOST_REQUIRED
-    return None if done or not about or not training_runs.within_budget(runs, about) else about
+    is_complete = len(alike) >= MOST_REQUIRED
+    return None if is_complete or not about or not training_runs.within_budget(runs, about) else about
 
 
 def has_doses(about: Points) -> bool:

@@ -95,7 +95,7 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
         if noise.scatter.factor > UNLIKE and noise.scatter.p < FAMILYWISE:
             words = FAULTS["scatter"].format(name, plain(noise.scatter.factor, 2))
             yield SetUpFault("scatter", name, words, False)
-    for each in rows.apart:
+    for each in rows.unmerged:
         gap = table.table_units.value_text(each.observable, each.gap)
         rows = row_list(each.lines), gap, row_list(each.suspects)
         words = FAULTS["repeats"].format(each.observable, *rows)

@@ -94,9 +94,9 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
     """Repeats that disagree grossly, and which of them the told model does not expect."""
     rows = race.prepared.rows
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
-    for each in rows.apart:
-        likely = [line for line in each.suspects if (each.observable, line) in bad]
-        suspects = each.suspects if len(each.suspects) == 1 else likely
+    for each in rows.unmerged:
+        bad_lines = [line for line in each.suspects if (each.observable, line) in bad]
+        suspects = each.suspects if len(each.suspects) == 1 else bad_lines
         yield parts.RepeatPart(
             each.observable, each.lines, each.gap, suspects[0] if len(suspects) == 1 else 0
         )
@@ -152,8 +152,8 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     if name in about.hypothesis.names or about.dose is not None:
         about = bare
     column = race.prepared.white(signature(race, about, name))
-    action, gram = about.evidence.solved.against(column[:, np.newaxis])
-    alone = float(column @ (about.evidence.solved.row_share * column))
+    action, gram = about.evidence.solution.against(column[:, np.newaxis])
+    alone = float(column @ (about.evidence.solution.row_share * column))
     information = max(float(gram[0, 0]), 1e-12)
     sd = information**-0.5
     factor = single.log_evidence - bare.log_evidence
@@ -161,7 +161,7 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
     status, unseen = status_of(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
-    above = [ended for strength, ended in race.model.candidates[name].trials if strength >= limit]
+    above = [success for strength, success in race.model.candidates[name].trials if strength >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
     value, low, high = (nan, 0.0, limit) if status == "excluded" else vars(strength).values()
@@ -204,7 +204,7 @@ def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.Curv
     """
     if decision.verdict != "outside_library" or decision.acting_mechanisms:
         return
-    unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.beside}
+    unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.extra}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=()), race.fits[best])
     for name, column in rows.conditions.items():
@@ -224,7 +224,7 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
 
     It is the mean of a block over the other conditions of the rows, the same at each point.
     """
-    now, block = fit.evidence.solved, fit.blocks[index]
+    now, block = fit.evidence.solution, fit.blocks[index]
     measured = np.flatnonzero(np.array(rows.names) == block.observable)
     some = rows.rows(np.sort(np.random.default_rng(SEED).permutation(measured)[:MOST_ROWS]))
     set_to = ({**some.conditions, along: np.full(some.size, x)} for x in points)
@@ -318,7 +318,7 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
         shared = np.mean(rows.shared[mask], axis=0)
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
-            column = int(np.argmax(each.fit.evidence.solved.rows.block == index))
+            column = int(np.argmax(each.fit.evidence.solution.rows.block == index))
             shifts = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
             sizes = np.append(sizes, unit * each.values[:, column] + shifts)
         chance = float(weight @ (np.abs(sizes) > 0.5 * unit)) / float(weight.sum())
@@ -335,7 +335,7 @@ def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
     A row is bad where the explanations that find it so have SURE together.
     """
     race, fit = posterior.race, posterior.best
-    now, rows = fit.evidence.solved, race.prepared.rows
+    now, rows = fit.evidence.solution, race.prepared.rows
     for index, block in enumerate(fit.blocks):
         if block.kind in ("source", "group"):
             yield from shared_parts(block.kind, fit, index, race)
@@ -360,7 +360,7 @@ def shared_parts(
     kind: Literal["source", "group"], fit: Fit, index: int, race: Race
 ) -> Iterator[parts.ErrorPart]:
     """How far rows of one source or group lie from all others of their observable; of two, the second."""
-    now, rows = fit.evidence.solved, race.prepared.rows
+    now, rows = fit.evidence.solution, race.prepared.rows
     at, columns = now.rows.block == index, columns_of(fit.blocks[index], fit.jacobian[:, : race.model.count])
     best, root = (now.tau * now.centre)[at], now.tau[at]
     covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
@@ -390,7 +390,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
-    u = bare.evidence.solved.scales_of(linear.scales)
+    u = bare.evidence.solution.scales_of(linear.scales)
     u[linear.blocks :] = 0.0  # of few rows a fitted scatter is too small by chance
     for measured, rows_of in race.prepared.by_observable():
         for name, values in rows.conditions.items():
@@ -417,12 +417,12 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
 
 def rows_part(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:
     """Measured and predicted values in the units of the observables, with what is not in the list."""
-    rows, columns, now = race.prepared.rows, [], after.evidence.solved
+    rows, columns, now = race.prepared.rows, [], after.evidence.solution
     size, blocks = now.tau * now.centre, enumerate(after.blocks)
-    added = [each.columns @ size[now.rows.block == k] for k, each in blocks if each.kind == "unlisted"]
+    unlisted = [each.columns @ size[now.rows.block == k] for k, each in blocks if each.kind == "unlisted"]
     sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
     half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
-    for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(added, axis=0)):
+    for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(unlisted, axis=0)):
         column = np.empty(rows.size)
         for observable, mask in race.prepared.by_observable():
             column[mask] = from_scale(observable, values[mask])

@@ -154,8 +154,8 @@ def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn]
     ]
     removed = len(before.rows) - sum(place is not None for place in places)
     changes = {"lines": list(dict.fromkeys(lines)), "removed": removed}
-    drawn = drawn_rows(study, before)
-    return ["" if place is None else drawn[place] for place in places], {"changes": changes}
+    draw = drawn_rows(study, before)
+    return ["" if place is None else draw[place] for place in places], {"changes": changes}
 
 
 def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
@@ -260,8 +260,8 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
     first_unit = parse_unit(unit or rows[0].unit)
     size = [(row, (conversion(parse_unit(row.unit), first_unit) or 1.0) * row.value) for row in rows]
     limit = min((value for row, value in size if row.reach == -inf), default=0.0)
-    seen = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
-    return ['transform = "log_floor"', f"floor = {max(limit, seen):.6g}    # below it the scale is linear"]
+    least = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
+    return ['transform = "log_floor"', f"floor = {max(limit, least):.6g}    # below it the scale is linear"]
 
 
 def toml_string(text: str) -> str:

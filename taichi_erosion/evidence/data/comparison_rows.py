@@ -55,7 +55,7 @@ class ComparisonRows:
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
-    apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
+    unmerged: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
     def size(self) -> int:
@@ -69,14 +69,14 @@ class ComparisonRows:
     @property
     def suspect(self) -> Bools:
         """Rows to check, which differ grossly from their repeats."""
-        off = {(each.observable, line) for each in self.apart for line in each.suspects}
+        off = {(each.observable, line) for each in self.unmerged for line in each.suspects}
         rows = zip(self.names, self.lines, strict=True)
         return np.array([(name, lines[0]) in off for name, lines in rows], bool)
 
     @property
     def awaits_correction(self) -> Bools:
         """Readings that their own repeats contradict: they wait for a correction and take no part."""
-        off = {(each.observable, *each.suspects) for each in self.apart}
+        off = {(each.observable, *each.suspects) for each in self.unmerged}
         return np.array([(name, *row) in off for name, row in zip(self.names, self.lines, strict=True)], bool)
 
     @property
@@ -177,7 +177,7 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
-        apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
+        unmerged=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
 
@@ -308,7 +308,7 @@ def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     shared = np.asarray(linalg.block_diag(*(part.shared for part in parts)))
     return replace(
         parts[0],
-        **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
+        **{name: all_of(name) for name in (*ROW_WISE, "warnings", "unmerged")}
         | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
     )

@@ -54,7 +54,7 @@ def heap_correlation(
     if not np.any(shared_share(rows, unit)):
         return None
     target = np.eye(len(names)) if replicates is None else model_correlation(rows, replicates)
-    wrong = {(each.observable, line) for each in rows.apart for line in each.suspects}
+    wrong = {(each.observable, line) for each in rows.unmerged for line in each.suspects}
     sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
     sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
     matrix = np.where(freedom >= LEAST_FREEDOM, shrink(sample, freedom), target)
@@ -111,8 +111,8 @@ def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
             sd = float(replicates.sd[replicates.names.index(observable.name)])
             share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     names = [each.name for each in rows.observables]
-    known = HeapCorrelation(replicates.names, replicates.correlation).of(names)
-    return np.where(correlation > 0.0, 1.0, known * np.outer(share, share))
+    of_model = HeapCorrelation(replicates.names, replicates.correlation).of(names)
+    return np.where(correlation > 0.0, 1.0, of_model * np.outer(share, share))
 
 
 def sample_correlation(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:

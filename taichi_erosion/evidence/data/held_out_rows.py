@@ -54,8 +54,8 @@ def split_rows(
     visible, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
-    drawn = drawn_units(measurements, order, units, ~inside, visible, fraction, least)
-    among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
+    vault_units = drawn_units(measurements, order, units, ~inside, visible, fraction, least)
+    among = np.array([unit in vault_units for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | visible | among
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
@@ -73,11 +73,11 @@ def split_rows(
 
 def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
     """Rows that stay held out, with those new to their units, and the units that were drawn before."""
-    drawn = measurements.drawn or ("",) * measurements.size
-    hidden = {unit for unit, was in zip(units, drawn, strict=True) if was == "held out"}
-    settled = frozenset(unit for unit, was in zip(units, drawn, strict=True) if was)
+    draw = measurements.drawn or ("",) * measurements.size
+    hidden = {unit for unit, was in zip(units, draw, strict=True) if was == "held out"}
+    settled = frozenset(unit for unit, was in zip(units, draw, strict=True) if was)
     visible = [
-        was == "held out" or (not was and unit in hidden) for unit, was in zip(units, drawn, strict=True)
+        was == "held out" or (not was and unit in hidden) for unit, was in zip(units, draw, strict=True)
     ]
     return np.array(visible, dtype=np.bool_), settled
 
@@ -87,9 +87,9 @@ def stated_rows(
 ) -> Bools:
     """Rows whose condition lies in a named range, and those of a named source. Raises BadInput."""
     made_by = source_names(measurements.source)
-    known = tuple(dict.fromkeys(made_by))
-    if missing := [name for name in sources if name not in known]:
-        raise BadInput(f"vault.sources: '{missing[0]}' is not one of {', '.join(known)}")
+    distinct = tuple(dict.fromkeys(made_by))
+    if missing := [name for name in sources if name not in distinct]:
+        raise BadInput(f"vault.sources: '{missing[0]}' is not one of {', '.join(distinct)}")
     inside = np.array([name in sources for name in made_by], dtype=np.bool_)
     for name, (low, high) in ranges.items():
         column = measurements.conditions[name]
@@ -124,26 +124,26 @@ def drawn_units(
     """
     kind = np.unique(np.array(measurements.observable), return_inverse=True)[1]
     points = condition_numbers(measurements) + kind * measurements.size
-    seen: dict[Unit, set[str]] = {}
+    observables_of: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(free).tolist():
-        seen.setdefault(units[i], set()).add(measurements.observable[i])
+        observables_of.setdefault(units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
     remaining = free & ~visible
     before, crossings = varying(measurements, remaining), crossed_levels(measurements, remaining, 3)
-    among, held = (unit_counts(measurements, units, rows) for rows in (free, free & visible))
-    quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
-    drawn: set[Unit] = set()
-    for unit in (each for each in order if each in seen):
+    among, vault_counts = (unit_counts(measurements, units, rows) for rows in (free, free & visible))
+    quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - vault_counts[k] for k, n in among.items()}
+    vault_units: set[Unit] = set()
+    for unit in (each for each in order if each in observables_of):
         without = remaining & (unit_of_row != numbers[unit])
         enough = np.unique(points[without]).size >= least and varying(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
-        if identified and all(quota[name] > 0 for name in seen[unit]):
-            drawn.add(unit)
+        if identified and all(quota[name] > 0 for name in observables_of[unit]):
+            vault_units.add(unit)
             remaining = without
-            for name in seen[unit]:
+            for name in observables_of[unit]:
                 quota[name] -= 1
-    return drawn
+    return vault_units
 
 
 def condition_levels(

@@ -235,8 +235,8 @@ def refinement_runs(
 
     def parameter(axis: Axis, share: float) -> float:
         value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
-        moved = value * float(np.exp(shift)) if axis.logarithmic else value + shift
-        return float(np.clip(moved, axis_value(axis, axis.low), axis_value(axis, axis.high)))
+        new_value = value * float(np.exp(shift)) if axis.logarithmic else value + shift
+        return float(np.clip(new_value, axis_value(axis, axis.low), axis_value(axis, axis.high)))
 
     return sampled_runs(scene, names, count, f"{key}|{names}", (parameter, strength), len(names) + 1)
 

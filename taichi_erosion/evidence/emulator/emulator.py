@@ -265,13 +265,13 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
 def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:
     """Scales of the conditions that vary and that the scene accepts."""
     scales: dict[str, AxisScale] = {}
-    seen: set[tuple[float, ...]] = set()
+    columns: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
         scale = axis_scale(np.array(sorted({value for value in column if isfinite(value)})))
-        if scale is None or path not in accepted or column in seen:
+        if scale is None or path not in accepted or column in columns:
             continue
-        seen.add(column)  # one column of a table may set several paths
+        columns.add(column)  # one column of a table may set several paths
         middle = float(np.exp(scale.centre)) if scale.logarithmic else scale.centre
         scales[path] = replace(scale, middle=middle)
     return scales

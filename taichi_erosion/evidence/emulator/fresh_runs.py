@@ -183,11 +183,11 @@ class FreshSimulator:
 
     def readings(self, scene: StudyScene, results: Sequence[RunResult], seeds: int) -> Floats:
         """Values of all observables of a scene, seed by seed; NaN where a run has none."""
-        found = np.full((seeds, len(scene.observables)), np.nan)
+        table = np.full((seeds, len(scene.observables)), np.nan)
         for index, name in enumerate(scene.observables):
             values = np.array([value_in_unit(each, scene.simulator.measures[name]) for each in results])
-            found[: values.size, index] = to_scale(self.emulators[name].scale, values)
-        return np.where(np.isfinite(found), found, np.nan)
+            table[: values.size, index] = to_scale(self.emulators[name].scale, values)
+        return np.where(np.isfinite(table), table, np.nan)
 
     def scatter(self, scene: StudyScene, readings: Readings) -> SceneScatter:
         """Scatter of one run, pooled over the points of a scene with that of its training runs."""

@@ -60,14 +60,14 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     runs, requests, _ = run_requests(training)
     effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
     by_key = {request.key: request for request in requests}
-    done = finished_runs(training.simulator.shared_ledger(), list(by_key))
-    missing = [request for key, request in by_key.items() if key not in done]
+    ledger = finished_runs(training.simulator.shared_ledger(), list(by_key))
+    missing = [request for key, request in by_key.items() if key not in ledger]
     workers = training.study.file.campaign.workers or usable_cores()
     if any(request.arch != "cpu" for request in missing):
         workers = 1  # holds the device
-    second, kinds = seconds_per_work(by_key, done) / workers, {effects[key] for key in done}
-    done_of = {each: {key: done[key] for key in done if effects[key] == each} for each in kinds}
-    seconds_of = {each: seconds_per_work(by_key, ended) / workers for each, ended in done_of.items()}
+    second, kinds = seconds_per_work(by_key, ledger) / workers, {effects[key] for key in ledger}
+    done_of = {each: {key: ledger[key] for key in ledger if effects[key] == each} for each in kinds}
+    seconds_of = {each: seconds_per_work(by_key, part) / workers for each, part in done_of.items()}
     room = max(room_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
@@ -81,7 +81,7 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     phases = [first, answer, *[round_s, answer] * rounds]
     phases += [second * mean * fresh + START] if fresh else []
     processes = min(workers, max(len(missing), size, 1))
-    return PlanCost(len(done), len(missing), rounds * size, rounds, fresh, processes, tuple(phases))
+    return PlanCost(len(ledger), len(missing), rounds * size, rounds, fresh, processes, tuple(phases))
 
 
 def function_cost(study: Study, candidates: int) -> str:

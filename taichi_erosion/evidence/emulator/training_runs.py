@@ -163,10 +163,10 @@ def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
 
     A mechanism reads no condition: what moisture or angularity would do to its dose is left to inference.
     """
-    wanted, tried = training.study.file.candidates.mechanisms, list[list[str]]()
+    allowance, tried = training.study.file.candidates.mechanisms, list[list[str]]()
     for scene in training.scenes:
         able = physical_mechanisms(training.simulator.scene(scene.measure.scene).wind is not None)
-        tried.append([name for name in able if wanted is None or name in wanted])
+        tried.append([name for name in able if allowance is None or name in allowance])
     names = list(dict.fromkeys(name for names_of_scene in tried for name in names_of_scene))
     simulator = training.simulator.with_mechanisms(names)
     scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
@@ -233,9 +233,9 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         except SimulationStopped as error:
             sentences = [fault.sentence for fault in faults if fault.blocks]
             raise SimulationStopped("; ".join([*sentences, str(error)])) from None
-    ended = [(run.effects, not result.failure) for run, result in zip(runs, results, strict=True)]
+    outcomes = [(run.effects, not result.failure) for run, result in zip(runs, results, strict=True)]
     candidates = tuple(
-        replace(each, trials=tuple((acting[each.name], ok) for acting, ok in ended if each.name in acting))
+        replace(each, trials=tuple((acting[each.name], ok) for acting, ok in outcomes if each.name in acting))
         for each in problem.candidates
     )
     count = len({request.key for request in requests})
@@ -268,9 +268,9 @@ def run_faults(
         words = f"{name}: {count} runs stopped and are left out{which}; the first: {failures[0]}"
         yield SetUpFault("failed_runs", name, words, len(failures) > COMMON * len(results))
     bare = [result for run, result in trained if not run.effects] or results
-    ended = [result for result in bare if not result.failure]
+    whole = [result for result in bare if not result.failure]
     for name in scene.observables:
-        yield from measure_faults(scene, name, ended, study.file.observables[name].same_size)
+        yield from measure_faults(scene, name, whole, study.file.observables[name].same_size)
 
 
 def measure_faults(

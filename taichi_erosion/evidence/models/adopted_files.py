@@ -81,10 +81,10 @@ def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -
 
 def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
     """A TOML text of a folder that names effect files too, by paths relative to the folder."""
-    stated = list(toml_entry(text, (section, "effect_files")) or ())
-    there = {(folder / name).resolve() for name in stated}
+    entries = list(toml_entry(text, (section, "effect_files")) or ())
+    there = {(folder / name).resolve() for name in entries}
     missing = [relpath(file.path, folder.resolve()) for file in files if file.path not in there]
-    return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text
+    return with_entry(text, (section, "effect_files"), [*entries, *missing]) if missing else text
 
 
 def study_text(study: Study, adoption: Adoption) -> str:

@@ -152,16 +152,16 @@ def read_new_conditions(
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in columns}})
     scales = faults.of(condition_scales, table, chosen, places) or {}
     faults += study_value_faults(table, chosen, folder)
-    left_out = [name for name in file.conditions if name not in columns]
-    constant = {name: faults.of(constant_value, cells, name, measured) for name in left_out}
-    wanted = faults.of(wanted_rows, cells, list(file.observables)) or []
+    absent = [name for name in file.conditions if name not in columns]
+    constant = {name: faults.of(constant_value, cells, name, measured) for name in absent}
+    queries = faults.of(wanted_rows, cells, list(file.observables)) or []
     faults.tell()
-    rows, reader = [row for row, _ in wanted], RowReader(cells, groups, faults)
+    rows, reader = [row for row, _ in queries], RowReader(cells, groups, faults)
     texts = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
     values: Conditions = {name: np.array([scales[name].to_use(at[name]) for at in texts]) for name in columns}
-    values |= {name: np.full(len(wanted), value) for name, value in constant.items()}
+    values |= {name: np.full(len(queries), value) for name, value in constant.items()}
     return NewConditions(
-        tuple(name for _, name in wanted),
+        tuple(name for _, name in queries),
         {str(name): values[name] for name in file.conditions},
         tuple(reader.text(cells.lines[row][1], "group") for row in rows),
         tuple(cells.lines[row][0] for row in rows),
@@ -225,15 +225,15 @@ def constant_value(cells: Cells, name: str, measurements: Measurements) -> float
 
 def wanted_rows(cells: Cells, observables: Sequence[str]) -> list[tuple[int, str]]:
     """Row and observable of every prediction; raises BadInput for an observable that the study has not."""
-    wanted: list[tuple[int, str]] = []
+    queries: list[tuple[int, str]] = []
     headings = [text.strip().lower() for text in cells.heading]
     place = headings.index(OBSERVABLE) if OBSERVABLE in headings else None
     for index, (line, row) in enumerate(cells.lines):
         if place is None or not row[place]:
-            wanted += [(index, name) for name in observables]
+            queries += [(index, name) for name in observables]
         elif row[place] in observables:
-            wanted.append((index, row[place]))
+            queries.append((index, row[place]))
         else:
             there = ", ".join(observables)
             raise BadInput(f"{cells.file}: row {line}, observable = '{row[place]}'; the study has {there}")
-    return wanted
+    return queries

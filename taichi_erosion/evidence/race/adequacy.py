@@ -33,20 +33,20 @@ def residual(fit: Fit) -> Floats:
 
     What repeats of one set-up have in common is part of it: a preparation would take any lack of fit.
     """
-    now = fit.evidence.solved
+    now = fit.evidence.solution
     places = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "preparation")]
-    left_out = np.isin(now.rows.block, places)
-    return now.rows.y - now.rows.columns @ np.where(left_out, 0.0, now.tau * now.centre)
+    exclusions = np.isin(now.rows.block, places)
+    return now.rows.y - now.rows.columns @ np.where(exclusions, 0.0, now.tau * now.centre)
 
 
 def chi2(fit: Fit) -> float:
     """Misfit of all rows: weighted squares of what an explanation leaves."""
-    return float(fit.evidence.solved.rows.weight @ residual(fit) ** 2)
+    return float(fit.evidence.solution.rows.weight @ residual(fit) ** 2)
 
 
 def repeat_squares(fit: Fit) -> tuple[Floats, Floats]:
     """Squares of repeated rows about their means and their degrees of freedom, by scatter (k,)."""
-    rows = fit.evidence.solved.rows
+    rows = fit.evidence.solution.rows
     squares, freedom = np.zeros(rows.scatters), np.zeros(rows.scatters)
     for block in (block for block in fit.blocks if block.kind == "preparation"):
         for repeats in block.columns.T > 0.0:
@@ -63,7 +63,7 @@ def misfit_p(fit: Fit, levels: bool) -> float:
 
     Otherwise they have the size that their priors expect.
     """
-    rows = fit.evidence.solved.rows
+    rows = fit.evidence.solution.rows
     usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.scatters
     u = np.where(usual, rows.scales.start, fit.scales)
     u = np.where(discrepancies(fit), -np.inf, u)

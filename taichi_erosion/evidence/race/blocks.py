@@ -121,8 +121,8 @@ def shared_columns(
         count = int(np.sum(mask & is_known))
         for each in dict.fromkeys(label[mask]):
             chosen = mask & (label == each)
-            seen = int(np.sum(chosen & is_known))
-            if count and (1 < seen < count or not seen):
+            number = int(np.sum(chosen & is_known))
+            if count and (1 < number < count or not number):
                 columns.append(chosen.astype(np.float64))
                 names.append(f"{each}|{observable.name}")
     names = names if any(np.any(column[is_known] > 0.0) for column in columns) else []

@@ -52,7 +52,7 @@ class Decision(DecisionPart):
         return DecisionPart(**{entry.name: getattr(self, entry.name) for entry in fields(DecisionPart)})
 
     @property
-    def sure(self) -> frozenset[str]:
+    def core(self) -> frozenset[str]:
         """What acts where the answer is true; of mechanisms that are not told apart the first."""
         return frozenset((*self.named, *self.acting_mechanisms[: None if self.together else 1]))
 
@@ -75,15 +75,15 @@ def decide(posterior: Posterior) -> Decision:
     if (named or group) and not holds(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     single = sound if refuted or named else inclusion | sound
-    likely = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
+    leading = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
-    if both or (verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms))):
+    if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
         verdict = "outside_library"
     return Decision(
         verdict=verdict,
         named=named,
         group=group,
-        acting_mechanisms=likely if verdict == "outside_library" else (),
+        acting_mechanisms=leading if verdict == "outside_library" else (),
         together=len(both) > 1,
         refuted=refuted,
         probabilities=probabilities(posterior, {*effects, *mechanisms}),
@@ -98,8 +98,8 @@ def probabilities(posterior: Posterior, names: set[str]) -> dict[str, float]:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
     table = {"none": posterior.probability.get(Hypothesis(()), 0.0), "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in names))
-        if acting or OUTSIDE in hypothesis.beside:
+        acting = (*hypothesis.names, *(each for each in hypothesis.extra if each in names))
+        if acting or OUTSIDE in hypothesis.extra:
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
     return table
@@ -137,13 +137,13 @@ def fit_of(posterior: Posterior, decision: Decision) -> Fit:
     if decision.verdict == "present" and alone is not None:
         return alone
     share = posterior.probability
-    return race.fits[max([h for h in share if h.acting >= decision.sure] or share, key=lambda h: share[h])]
+    return race.fits[max([h for h in share if h.acting >= decision.core] or share, key=lambda h: share[h])]
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:
     """Probability that one of some effects or mechanisms acts."""
-    wanted = set(names)
-    return sum(p for h, p in posterior.probability.items() if wanted & h.acting)
+    subset = set(names)
+    return sum(p for h, p in posterior.probability.items() if subset & h.acting)
 
 
 def smallest(
@@ -161,7 +161,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
     bare, singles = race.bare, race.sets(1)
     rows, _ = race.linear(bare)
-    u = best.evidence.solved.scales_of(rows.scales)
+    u = best.evidence.solution.scales_of(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).posterior_at(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
@@ -194,7 +194,7 @@ def under(posterior: Posterior, priors: Priors) -> Posterior:
     """The posterior under other priors; likely explanations are solved anew, about the same settings."""
     race, usual, scores = posterior.race, posterior.race.priors, []
     for hypothesis, fit in race.fits.items():
-        now, change = fit.evidence.solved, prior(race, hypothesis, priors) / prior(race, hypothesis, usual)
+        now, change = fit.evidence.solution, prior(race, hypothesis, priors) / prior(race, hypothesis, usual)
         scores.append(score(fit) + log(change))
         names = (SCALES.get(name.partition(" ")[0], "near") for name in now.rows.scales.names)
         wider = np.array([getattr(priors, name) / getattr(usual, name) for name in names])

@@ -172,7 +172,7 @@ def law_of(race: Race, fit: Fit) -> Law | None:
     scores, misfits = np.array([cross_validation(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validation(rows)[1]
-    return "+".join(fit.hypothesis.beside), settled[best], float(1.0 - misfits[best] / nothing)
+    return "+".join(fit.hypothesis.extra), settled[best], float(1.0 - misfits[best] / nothing)
 
 
 def tabulate(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
@@ -193,10 +193,10 @@ def tabulate(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
 
 def along(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     """M (n, 1 + p) of rows with a dose of its own each, held within the table."""
-    held = np.clip(w, curve.x[0], curve.x[-1])
-    piece = np.clip(np.searchsorted(curve.x, held, side="right") - 1, 0, curve.x.size - 2)
+    inside = np.clip(w, curve.x[0], curve.x[-1])
+    piece = np.clip(np.searchsorted(curve.x, inside, side="right") - 1, 0, curve.x.size - 2)
     a, b, c, d = curve.c[:, piece, np.arange(w.size)]
-    t = (held - curve.x[piece])[:, np.newaxis]
+    t = (inside - curve.x[piece])[:, np.newaxis]
     return ((a * t + b) * t + c) * t + d
 
 
@@ -205,7 +205,7 @@ def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Pl
 
     Rows of one group share a fold; of one set of conditions, where groups are few.
     """
-    p, now = race.prepared, fit.evidence.solved
+    p, now = race.prepared, fit.evidence.solution
     labels = np.array(p.rows.group)
     if np.unique(labels).size < FOLDS // 2:
         labels = np.array([repr(each) for each in zip(*p.rows.conditions.values(), strict=True)])

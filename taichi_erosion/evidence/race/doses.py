@@ -72,8 +72,8 @@ class Dosing:
 
     def at(self, v: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Doses on their axis within the range, and the mean (n,) there."""
-        held = np.round(np.clip(w, *self.ends), 3)
-        return held, self.race.model.mean(self.names, v, self.hypothesis.doses(held))
+        inside = np.round(np.clip(w, *self.ends), 3)
+        return inside, self.race.model.mean(self.names, v, self.hypothesis.doses(inside))
 
     def slope(self, v: Floats, w: Floats, mean: Floats) -> Floats:
         """Slope (m n,) of the mean along w."""
@@ -117,30 +117,30 @@ class Dosing:
                     break
             else:
                 break
-            gone, jacobian = share * change, fit.jacobian
-            if np.max(np.abs(gone), initial=0.0) > 0.1:
+            move, jacobian = share * change, fit.jacobian
+            if np.max(np.abs(move), initial=0.0) > 0.1:
                 linear = fit.mean + (fit.dose.change(there - w, mean.size) if fit.dose is not None else 0.0)
-                jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
+                jacobian = jacobian + np.outer(mean - linear - jacobian @ move, move) / (move @ move)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
         fit = replace(fit, errors=self.race.model.errors(self.names, fit.v, self.hypothesis.doses(w)))
         expansion = self.evidence_at_mean(self.expansion_about(fit, beta, w, u, 8), beta)
-        return self.race.better(expansion, self.race.fits.get(self.hypothesis, expansion))
+        return self.race.best_of(expansion, self.race.fits.get(self.hypothesis, expansion))
 
     def polish(self) -> Fit:
         """The fit from slopes at its own numbers."""
-        seen = self.race.fits[self.hypothesis]
-        return self.optimise(replace(seen, jacobian=self.slopes(seen.v, seen.w, seen.mean)), seen.w)
+        fit = self.race.fits[self.hypothesis]
+        return self.optimise(replace(fit, jacobian=self.slopes(fit.v, fit.w, fit.mean)), fit.w)
 
     def evidence_at_mean(self, fit: Fit, beta: Floats) -> Fit:
         """The fit with the evidence at the mean that the model gives, not where linear rows would go."""
-        now, tau = fit.evidence.solved, float(np.exp(fit.scales[len(self.race.blocks)]))
+        now, tau = fit.evidence.solution, float(np.exp(fit.scales[len(self.race.blocks)]))
         there = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
         short = max(0.0, there - float(now.rows.y @ now.precision[0]) - SLACK)
         return replace(fit, evidence=replace(fit.evidence, log_evidence=fit.log_evidence - 0.5 * short))
 
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
-        now = fit.evidence.solved
+        now = fit.evidence.solution
         steps = now.rows.block == len(self.race.blocks)
         tau = float(np.exp(fit.scales[len(self.race.blocks)]))
         turn = tau * now.centre[steps] - beta
@@ -162,7 +162,7 @@ def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
 def dosing_of(race: Race, fit: Fit, factor: Floats) -> Dosing:
     """The mechanisms of a fit with a kernel over some rows."""
     places = {each.name: each for each in race.prepared.problem.mechanisms}
-    acting, h = tuple(places[name] for name in fit.hypothesis.beside), fit.hypothesis
+    acting, h = tuple(places[name] for name in fit.hypothesis.extra), fit.hypothesis
     return Dosing(race, acting, fit.log_prior, h.along, factor, h.names)
 
 
@@ -189,11 +189,11 @@ def restart(race: Race, usual: Fit, every: Sequence[Dosing]) -> None:
 
     They are its numbers and doses, and the `usual` numbers with the middle of the range on either side of 0.
     """
-    best = max([fit for h, fit in race.fits.items() if h.beside], key=score)
+    best = max([fit for h, fit in race.fits.items() if h.extra], key=score)
     count, zero = race.model.count, usual.w
-    likely = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
+    start = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
     for one in [each for each in every if each.axis == (best.hypothesis.along or "all")]:
-        one.optimise(likely, best.w[: zero.size])
+        one.optimise(start, best.w[: zero.size])
         for end in filter(None, one.ends[:, 0]):
             one.optimise(usual, zero + 0.5 * end)
         if not one.behind(race.fits[one.hypothesis]):
@@ -230,6 +230,6 @@ def add_second(race: Race, every: Sequence[Dosing]) -> None:
             (dosing, dosing.expansion_about(start, Doses(w, w, dosing.root).coefficients, w, None, FIRST), w)
         )
     least = max(map(score, race.fits.values())) + log(KEEP)
-    for one, seen, w in sorted(fits, key=lambda each: -score(each[1]))[:CARRIED]:
-        if score(seen) > least:
-            one.optimise(seen, w)
+    for one, expansion, w in sorted(fits, key=lambda each: -score(each[1]))[:CARRIED]:
+        if score(expansion) > least:
+            one.optimise(expansion, w)

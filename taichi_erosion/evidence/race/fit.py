@@ -43,17 +43,17 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beside: Acting = ()  # mechanisms, or OUTSIDE alone
+    extra: Acting = ()  # mechanisms, or OUTSIDE alone
     along: str = ""  # condition with which these act; of something unlisted empty: with all
 
     @property
     def acting(self) -> frozenset[str]:
         """What acts: effects, mechanisms, something unlisted."""
-        return frozenset((*self.names, *self.beside))
+        return frozenset((*self.names, *self.extra))
 
     def doses(self, w: Floats) -> Conditions:
         """Doses of every mechanism, from those of all on their axis."""
-        return dict(zip(self.beside, from_axis(w).reshape(len(self.beside), -1), strict=True))
+        return dict(zip(self.extra, from_axis(w).reshape(len(self.extra), -1), strict=True))
 
 
 @dataclass(frozen=True)
@@ -103,12 +103,12 @@ class Fit(Expansion):
     @property
     def target(self) -> Floats:
         """Best setting of the linear model."""
-        return self.evidence.solved.centre[: self.v.size]
+        return self.evidence.solution.centre[: self.v.size]
 
     @property
     def covariance(self) -> Floats:
         """Covariance (d, d) of numbers and strengths."""
-        return self.evidence.solved.inverse[: self.v.size, : self.v.size]
+        return self.evidence.solution.inverse[: self.v.size, : self.v.size]
 
     @property
     def w(self) -> Floats:
@@ -123,7 +123,7 @@ class Fit(Expansion):
     @property
     def scales(self) -> Floats:
         """Ln of the scales of all errors."""
-        return self.evidence.solved.u
+        return self.evidence.solution.u
 
 
 def score(fit: Fit) -> float:
@@ -195,7 +195,7 @@ class Race:
 
     def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
         """Misfit of a mean with all errors at their best, but numbers, strengths and doses held, + |v|^2."""
-        now, work = fit.evidence.solved, self.prepared.working(mean)
+        now, work = fit.evidence.solution, self.prepared.working(mean)
         shared = np.arange(now.tau.size) >= fit.v.size
         if fit.dose is not None:
             shared &= now.rows.block != len(fit.blocks) - 1
@@ -222,8 +222,8 @@ class Race:
             if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
                 fit = self.with_slopes(replace(fit, v=v, mean=mean))
             else:
-                gone = v - fit.v
-                turn = np.outer(mean - fit.mean - fit.jacobian @ gone, gone) / max(gone @ gone, 1e-6)
+                move = v - fit.v
+                turn = np.outer(mean - fit.mean - fit.jacobian @ move, move) / max(move @ move, 1e-6)
                 fit = replace(fit, v=v, mean=mean, jacobian=fit.jacobian + turn)
             fit = self.fit_at_scales(fit, steps, fit.scales)
             if gain < (SLACK if self.model.noisy else 0.1 * SLACK):
@@ -296,7 +296,7 @@ class Race:
 
     def sets(self, *sizes: int) -> list[Fit]:
         """Plain sets of so many effects, by default of any number."""
-        return [f for h, f in self.fits.items() if not h.beside and (not sizes or len(h.names) in sizes)]
+        return [f for h, f in self.fits.items() if not h.extra and (not sizes or len(h.names) in sizes)]
 
     def fit_bare(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
@@ -311,18 +311,18 @@ class Race:
             draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
             size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
             best = draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
-            elsewhere = self.fit_at_scales(self.bare_expansion(best, log_prior), 0)
-            optimum = self.better(optimum, self.optimum(elsewhere))
+            alternative = self.fit_at_scales(self.bare_expansion(best, log_prior), 0)
+            optimum = self.best_of(optimum, self.optimum(alternative))
         free = self.fit_at_scales(start, 20)
         if free.log_evidence > optimum.log_evidence:
-            optimum = self.better(optimum, self.polish(replace(self.gauss_newton(free, 6), is_optimum=True)))
+            optimum = self.best_of(optimum, self.polish(replace(self.gauss_newton(free, 6), is_optimum=True)))
         return optimum
 
     def optimum(self, start: Fit) -> Fit:
         """The best setting from a start, with slopes there."""
         return self.polish(self.optimise(self.gauss_newton(start, 3, 0)))
 
-    def better(self, some: Fit, other: Fit) -> Fit:
+    def best_of(self, some: Fit, other: Fit) -> Fit:
         """The likelier of two fits of one hypothesis."""
         return self.store(max(some, other, key=lambda each: each.log_evidence))
 
@@ -361,7 +361,7 @@ class Race:
         start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
         fit_known = self.fits.get(hypothesis)
         fit = self.optimise(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else fit_known
-        return self.better(fit or parent, fit_known or fit or parent)
+        return self.best_of(fit or parent, fit_known or fit or parent)
 
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""

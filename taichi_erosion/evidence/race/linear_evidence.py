@@ -169,15 +169,15 @@ class LinearPosterior:
         rest = np.eye(inverse.shape[0]) - inverse
         curvature[:count, :count] = 2.0 * owner.T @ rest**2 @ owner
         share, best = np.exp(-2.0 * self.u[count:]), self.tau * self.centre
-        moved = inverse @ self.products[:k]
+        shift = inverse @ self.products[:k]
         for o in range(k):
             remainder = energy[o] - 2.0 * best @ projections[o] + best @ squares[o] @ best
-            gradient[count + o] += share[o] * remainder + np.trace(moved[o]) - counts[o]
-            cross = 2.0 * owner.T @ np.einsum("ij,ji->i", moved[o], inverse)
+            gradient[count + o] += share[o] * remainder + np.trace(shift[o]) - counts[o]
+            cross = 2.0 * owner.T @ np.einsum("ij,ji->i", shift[o], inverse)
             curvature[:count, count + o] = curvature[count + o, :count] = cross
             for other in range(k):
-                curvature[count + o, count + other] = 2.0 * np.sum(moved[o] * moved[other].T)
-            curvature[count + o, count + o] += 2.0 * counts[o] - 4.0 * np.trace(moved[o])
+                curvature[count + o, count + other] = 2.0 * np.sum(shift[o] * shift[other].T)
+            curvature[count + o, count + o] += 2.0 * counts[o] - 4.0 * np.trace(shift[o])
         curvature[np.diag_indices(self.u.size)] += np.maximum(bend, 0.02)
         return gradient, curvature
 
@@ -231,7 +231,7 @@ def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> LinearPosterior
 class Evidence:
     """Posterior of one hypothesis with the rows that it finds bad."""
 
-    solved: LinearPosterior
+    solution: LinearPosterior
     bad: frozenset[int]
     log_evidence: float
 

@@ -139,7 +139,7 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
 class Outlook:
     """What one hypothesis says of other rows, on the comparison scale."""
 
-    solved: LinearPosterior  # of the fitted rows
+    solution: LinearPosterior  # of the fitted rows
     start: Floats  # (m,), with every coefficient at 0; NaN where the model has no value
     columns: Floats  # (m, q + r), of the coefficients of fitted rows, then of those that these do not have
     scale_numbers: Integers  # (r,), scales of the latter; -1 where it is 1
@@ -147,23 +147,23 @@ class Outlook:
 
     def mean(self, smooth: bool = True) -> Floats:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
-        return self.start + self.scaled_columns(smooth)[0] @ self.solved.centre
+        return self.start + self.scaled_columns(smooth)[0] @ self.solution.centre
 
     def covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
         factor, alone = self.scaled_columns(smooth)
-        return factor @ self.solved.inverse @ factor.T + alone @ alone.T
+        return factor @ self.solution.inverse @ factor.T + alone @ alone.T
 
     def variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
         factor, alone = self.scaled_columns(smooth)
-        return np.sum(factor @ self.solved.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
+        return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
     def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
-        tau = np.append(self.solved.tau, np.exp(np.append(self.solved.u, 0.0)[self.scale_numbers]))
+        tau = np.append(self.solution.tau, np.exp(np.append(self.solution.u, 0.0)[self.scale_numbers]))
         whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)
-        return whole[:, : self.solved.tau.size], whole[:, self.solved.tau.size :]
+        return whole[:, : self.solution.tau.size], whole[:, self.solution.tau.size :]
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def both_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses |
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
-    usual, unknown = nuisance(both, mask, unit, priors), OUTSIDE in fit.hypothesis.beside
+    usual, unknown = nuisance(both, mask, unit, priors), OUTSIDE in fit.hypothesis.extra
     large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
@@ -248,17 +248,17 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
         dose=doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w]),
     )
     rows = race.linear(conditioned)[0]
-    seen = np.any(rows.columns != 0.0, axis=0)
-    order, linear_rows = np.argsort(~seen, kind="stable"), replace(rows, columns=rows.columns[:, seen])
+    active = np.any(rows.columns != 0.0, axis=0)
+    order, linear_rows = np.argsort(~active, kind="stable"), replace(rows, columns=rows.columns[:, active])
     kinds = np.array([block.kind in ("discrepancy", "unlisted") for block in blocks] + [False])
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
-        replace(linear_rows, block=rows.block[seen])
+        replace(linear_rows, block=rows.block[active])
         .with_bad(fit.evidence.bad)
-        .posterior_at(fit.evidence.solved.u),
+        .posterior_at(fit.evidence.solution.u),
         (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
-        rows.block[~seen],
+        rows.block[~active],
         kinds[rows.block[order]],
     )
 
@@ -275,16 +275,16 @@ def forecast(posterior: Posterior, place: JointRows) -> Forecast:
     numerical = np.array([place.rows.noise[name].numerical for name in place.rows.names]) ** 2
     scatter = np.maximum(place.rows.variance - numerical, 0.0)
     for h, p in posterior.likely_hypotheses.items():
-        seen = outlook(place, place.race.fits[h])
-        for now, _, weight in scale_draws(seen.solved, p, random):
-            at = replace(seen, solved=now)
+        view = outlook(place, place.race.fits[h])
+        for now, _, weight in scale_draws(view.solution, p, random):
+            at = replace(view, solution=now)
             mean = at.variance() + place.mean_variance + numerical
             parts.append((weight, at.mean(), mean, mean + kappa(place, now) ** 2 * scatter))
     weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
     return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
 
 
-def left_out(posterior: Posterior) -> Floats:
+def leave_one_out(posterior: Posterior) -> Floats:
     """Share of its prediction by all other rows that lies below each fitted row (n,), whitened.
 
     With P = V^-1 at scales u of a hypothesis, and b by how much the variance of a bad row exceeds the usual,
@@ -300,7 +300,7 @@ def left_out(posterior: Posterior) -> Floats:
     for h, p in posterior.likely_hypotheses.items():
         evidence = posterior.race.fits[h].evidence
         bad = list(evidence.bad)
-        for now, _, weight in scale_draws(evidence.solved, p, random):
+        for now, _, weight in scale_draws(evidence.solution, p, random):
             residual, diagonal = now.precision
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
@@ -332,9 +332,9 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].variance(False))
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
-    seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
-    p_after = misfit_chance(place, outlooks[1], seen)
-    p_worse = chance_of_worse(place, outlooks[0], outlooks[1], seen)
+    exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
+    p_after = misfit_chance(place, outlooks[1], exact)
+    p_worse = chance_of_worse(place, outlooks[0], outlooks[1], exact)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     errors = (int(good.sum()), before, after, control)
     return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name)

@@ -85,7 +85,7 @@ class Posterior:
         shares = {h: p for h, p in self.probability.items() if p > 1e-3}
         for fit, share in [(self.race.fits[h], p / sum(shares.values())) for h, p in shares.items()]:
             each = max(4, int(DRAWS * share / SCALES))
-            _, values, weights = zip(*scale_draws(fit.evidence.solved, share, random, each), strict=True)
+            _, values, weights = zip(*scale_draws(fit.evidence.solution, share, random, each), strict=True)
             draws_of_fits.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
         return draws_of_fits
 
@@ -175,7 +175,7 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
         if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = fit_with if fit_with.is_optimum else race.optimise(fit_with)
-    return restrict(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
+    return restrict(race, lambda h: h.names == names and {*h.extra} <= {OUTSIDE})
 
 
 def restrict(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
@@ -190,7 +190,7 @@ def has_unexplained_misfit(race: Race) -> bool:
 
     Until mechanisms are tried, what is not in the list has their prior too.
     """
-    listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.beside)
+    listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.extra)
     share = race.posterior()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)

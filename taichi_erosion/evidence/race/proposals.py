@@ -71,9 +71,9 @@ def right(hypothesis: Hypothesis, true: Hypothesis) -> bool:
 
 def name_of(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies."""
-    names, beside = [*hypothesis.names], "+".join(hypothesis.beside)
-    if beside:
-        names.append(beside if beside == OUTSIDE else f"{beside}({hypothesis.along})")
+    names, extra_names = [*hypothesis.names], "+".join(hypothesis.extra)
+    if extra_names:
+        names.append(extra_names if extra_names == OUTSIDE else f"{extra_names}({hypothesis.along})")
     return "+".join(names) or "none"
 
 
@@ -81,8 +81,8 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     answers: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
-        likeliest, whole = answers.get((h.names, h.beside), (h, 0.0))
-        answers[h.names, h.beside] = likeliest, whole + p
+        likeliest, whole = answers.get((h.names, h.extra), (h, 0.0))
+        answers[h.names, h.extra] = likeliest, whole + p
     shares = dict(sorted(answers.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(shares))
 
@@ -99,7 +99,7 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
 def rival(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     other = outlook(place, fit)
-    scatter = kappa(place, other.solved) ** 2
+    scatter = kappa(place, other.solution) ** 2
     covariance = other.covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
@@ -173,8 +173,8 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
         if gain[at] <= LEAST:
             break
         score, now, open_[at] = after[..., at], now + gain[at], 0.0
-        sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
-        choice.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
+        is_sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
+        choice.append((int(valued[at]), float(weight[true] @ is_sure) / (2 * PAIRS)))
         if choice[-1][1] > best + LEAST:
             count, best = len(choice), choice[-1][1]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]

@@ -26,9 +26,9 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 
     What no list holds is a mechanism where the model declares some, or one step more unlikely.
     """
-    size, beside, step = len(hypothesis.names), hypothesis.beside, priors.step
-    if beside:
-        share = step if OUTSIDE in beside else (1.0 - step) * step ** (len(beside) - 1)
+    size, others, step = len(hypothesis.names), hypothesis.extra, priors.step
+    if others:
+        share = step if OUTSIDE in others else (1.0 - step) * step ** (len(others) - 1)
         return (
             priors.unlisted * (1.0 - step) * step**size * (share if race.prepared.problem.mechanisms else 1)
         )
@@ -41,7 +41,7 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
     alike = comb(len(race.model.candidates), len(hypothesis.names))
-    return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.beside else 1))
+    return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.extra else 1))
 
 
 def search(race: Race) -> None:
@@ -55,17 +55,17 @@ def search(race: Race) -> None:
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
     prune(race)
-    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beside)
+    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
     best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [without(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
         if Hypothesis(names) in race.fits:
             add_unlisted(race, race.fits[Hypothesis(names)])
-    done = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
+    visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likeliest_fits(KEEP)[:CARRIED]:
-            if fit.hypothesis not in done:
-                done.add(fit.hypothesis)
+            if fit.hypothesis not in visits:
+                visits.add(fit.hypothesis)
                 race.polish(fit)
 
 

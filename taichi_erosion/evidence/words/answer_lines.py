@@ -99,8 +99,8 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    sure, either = part_words.acting(record)
-    names = part_words.acting_names(record) if sure or either else ""
+    firm, either = part_words.acting(record)
+    names = part_words.acting_names(record) if firm or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
     numbers = part_words.numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
@@ -136,13 +136,13 @@ def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (sure, either), named = part_words.acting(record), record.named
-    if named and sure:
+    (firm, either), named = part_words.acting(record), record.named
+    if named and firm:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
-    elif sure:
+    elif firm:
         origin = ["--from-discovery", voc.results] * bool(record.law)
         words = voc.command("effects", "new", "NAME", *origin)
-        yield f"{words} writes {say.join_words(sure)} as an effect of your own, and `adopt` tests it"
+        yield f"{words} writes {say.join_words(firm)} as an effect of your own, and `adopt` tests it"
     if either:
         names = say.join_words(either)
         yield f"{voc.command('next', voc.study)} asks which measurements tell {names} apart"
@@ -177,14 +177,14 @@ def adoption(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[s
         first = f"The model is no better with {names}: the error of fitted rows goes from {fitted}"
         return f"{first}, that of {rows} {change}. Do not adopt.", "", last
     if failing:
-        last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
+        last = f"Go on with {voc.sequel}: {voc.command('discover', voc.sequel)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
     remainder = f"what is left is chance ({say.chance(vault.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {remainder}."
     if after >= before:
         first = f"The {rows} hardly test {names}: their error goes {change}; {remainder}."
-    last = f"Go on with {voc.written}: {voc.command('compare', voc.written)} shows the model with it"
+    last = f"Go on with {voc.sequel}: {voc.command('compare', voc.sequel)} shows the model with it"
     return first, numbers(record, before=False, without=names), last
 
 
@@ -194,20 +194,20 @@ def control(vault: HeldOutPart) -> str:
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
     size = f"{plain(wrong, 2)} per row"
     words = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {size}{end}."
-    seen = f"The held-out rows have been opened {vault.opened} times: they are no longer unseen."
-    return " ".join([*([] if isnan(wrong) else [words]), *([seen] if vault.opened > 1 else [])])
+    openings = f"The held-out rows have been opened {vault.opened} times: they are no longer unseen."
+    return " ".join([*([] if isnan(wrong) else [words]), *([openings] if vault.opened > 1 else [])])
 
 
 def error_table(record: Record, vault: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     parts = [(name, record.effects.get(name)) for name in vault.adopted]
     wrong = vault.chi2_per_row_wrong_effect
-    added = say.join_words(
+    addition = say.join_words(
         f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts
     )
     rows = [
         ("before", plain(record.chi2_per_row_before, 2), plain(vault.chi2_per_row_before, 2)),
-        (f"with {added}", plain(record.chi2_per_row_after, 2), plain(vault.chi2_per_row_after, 2)),
+        (f"with {addition}", plain(record.chi2_per_row_after, 2), plain(vault.chi2_per_row_after, 2)),
     ]
     rows += [] if isnan(wrong) else [(f"control: {vault.wrong_effect}", "-", plain(wrong, 2))]
     columns = ("model", f"{record.n} fitted rows", f"{vault.n} held-out rows")

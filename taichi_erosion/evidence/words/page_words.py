@@ -59,11 +59,11 @@ def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[st
     test, proposed = answers.get("adopt", answer), answers["next"].lines if "next" in answers else ()
     unseen = test.missing if test is not answer else ()
     parts = answers[lead].missing[:1], answer.missing, (*unseen, *test.holds), (*test.following, *proposed)
-    seen: set[str] = set()
-    return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
+    earlier: set[str] = set()
+    return tuple(tuple(line for line in part if not (line in earlier or earlier.add(line))) for part in parts)
 
 
-def left_out(commands: Iterable[str]) -> str:
+def omissions(commands: Iterable[str]) -> str:
     """Answers that rest on another table than the newest one; empty where there are none."""
     names = join_words(f"`{name}`" for name in commands)
     return f"Left out, for they rest on another version of the table: answers of {names}." if names else ""
@@ -71,9 +71,9 @@ def left_out(commands: Iterable[str]) -> str:
 
 def added_words(record: Record) -> str:
     """What the model of the answer has beside the model as it is; empty where nothing is told."""
-    sure, either = acting(record)
-    if sure or either:
-        return f"with {join_words([*sure, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
+    firm, either = acting(record)
+    if firm or either:
+        return f"with {join_words([*firm, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
     return "with something not in the list" if record.verdict == "outside_library" else ""
 
 

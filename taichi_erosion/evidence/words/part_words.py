@@ -167,8 +167,8 @@ def numbers_line(record: Record, before: bool, without: str = "") -> str:
     last = [path.rpartition(".")[2] for path in record.parameters]
     for end, (path, each) in zip(last, record.parameters.items(), strict=True):
         name = say.quantity(end) if last.count(end) == 1 else path
-        moved = not each.low <= each.before.value <= each.high
-        biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
+        has_moved = not each.low <= each.before.value <= each.high
+        biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and has_moved else ""
         words.append(f"{name} {say.interval(each.before if before else each, 3)}{biased}")
         ends += [name] * each.at_end
     more = f" At the end of the searched range: {say.join_words(ends)}; check range and unit." if ends else ""
@@ -191,15 +191,15 @@ def acting(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...
     if decided.verdict == "unstable":
         return (), ()
     mechanisms = decided.acting_mechanisms
-    sure = mechanisms if decided.together or len(mechanisms) == 1 else ()
-    return (*decided.named, *sure), (*decided.group, *(() if sure else mechanisms))
+    firm = mechanisms if decided.together or len(mechanisms) == 1 else ()
+    return (*decided.named, *firm), (*decided.group, *(() if firm else mechanisms))
 
 
 def acting_names(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
-    sure, either = acting(decided)
+    firm, either = acting(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
-    return say.join_words(filter(None, (*sure, say.join_words(either, "or")))) or unnamed
+    return say.join_words(filter(None, (*firm, say.join_words(either, "or")))) or unnamed
 
 
 def sensitivity_text(record: Record) -> str:
@@ -223,18 +223,18 @@ def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
 
 def chance(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
-    sure, either = map(set, acting(decision))
-    if not (sure or either):
+    firm, either = map(set, acting(decision))
+    if not (firm or either):
         return other.unlisted if decision.verdict == "outside_library" else other.probabilities["none"]
     sets = {key: {*key.split("+")} for key in other.probabilities}
-    return sum(other.probabilities[k] for k, n in sets.items() if sure <= n and (not either or either & n))
+    return sum(other.probabilities[k] for k, n in sets.items() if firm <= n and (not either or either & n))
 
 
 def headline(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
-    sure, either = ([acting_text(name, record, voc) for name in names] for names in acting(record))
-    if sure or either:
-        words = say.join_words([*sure, f"either {say.join_words(either, 'or')}"] if either else sure)
+    firm, either = ([acting_text(name, record, voc) for name in names] for names in acting(record))
+    if firm or either:
+        words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if record.acting_mechanisms else ''}"
     if record.verdict == "outside_library":
@@ -282,8 +282,8 @@ def law_text(law: LawPart, voc: say.Vocabulary) -> str:
 
 def law_line(record: Record) -> str:
     """How well the law of what acts is known."""
-    law, (sure, either) = record.law, acting(record)
-    if law is None or law.mechanism not in (*sure, *either):
+    law, (firm, either) = record.law, acting(record)
+    if law is None or law.mechanism not in (*firm, *either):
         return ""
     free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.powers.items()]
     share = f"{100.0 * law.held_out_share:.0f} % of the misfit at conditions left out of its fit"
@@ -299,20 +299,20 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         return "No effect is named before the errors above are fixed."
     if record.refuted:
         return refusal(record, voc)
-    likely, share = max(record.probabilities.items(), key=lambda item: item[1])
+    leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     fails = not agrees(record)
     least = np.nanmin([record.p_misfit, record.p_lack_of_fit, *(each.p for each in failing(record))])
     state = f"fails on {rows_text(record)}" if fails else agreement(record)
     state = f"the model {state} ({say.chance(float(least))})"
-    if likely == "none" and (not fails or (share >= SURE and not failing(record))):
+    if leading == "none" and (not fails or (share >= SURE and not failing(record))):
         common = " by errors of measurement" * fails
         none = f"probability that none acts: {say.probability(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"; a name needs {SURE:g}"
     if share >= SURE:
         why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
-    name = say.EXPLANATIONS.get(likely) or say.join_words(map(voc.effect_title, likely.split("+")))
-    name, why = (name, "") if likely == "none" else (f"{name} alone", why)
+    name = say.EXPLANATIONS.get(leading) or say.join_words(map(voc.effect_title, leading.split("+")))
+    name, why = (name, "") if leading == "none" else (f"{name} alone", why)
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
     best = f"the likeliest, {name}, has probability {say.probability(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."
@@ -333,8 +333,8 @@ def refusal(record: Record, voc: say.Vocabulary) -> str:
 
 def status(name: str, record: Record) -> str:
     """What these measurements say of one candidate."""
-    sure, either = acting(record)
-    if name in sure:
+    firm, either = acting(record)
+    if name in firm:
         return "present"
     if name in either:
         return (

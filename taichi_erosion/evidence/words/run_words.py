@@ -103,7 +103,7 @@ def run_warnings(document: Document) -> list[str]:
     counts = Counter(line for replica in document["replicas"] for line in replica.get("warnings", ()))
     among = len(document["replicas"])
     return [
-        *(f"{', '.join(quantity(name) for name, _ in own)}: {own[0][1]['sentence']}" for own in groups),
+        *(f"{', '.join(quantity(name) for name, _ in alike)}: {alike[0][1]['sentence']}" for alike in groups),
         *(f"{line} ({count} of {count_noun(among, 'repeat')})" for line, count in counts.items()),
         *document.get("limits", {}).get("warnings", ()),
     ]

@@ -51,7 +51,7 @@ class Vocabulary:
     titles: Mapping[str, str] = field(default_factory=dict)  # of effects and mechanisms
     doses: Mapping[str, str] = field(default_factory=dict)  # what the dose of a mechanism counts
     results: str = ""  # file of the answer of `discover`
-    written: str = ""  # study that `adopt` wrote
+    sequel: str = ""  # study that `adopt` wrote
 
     def effect_title(self, name: str) -> str:
         """`capillary bridges between moist grains (liquid_bridge)`; a name without a title stands alone."""

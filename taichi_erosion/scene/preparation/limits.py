@@ -169,7 +169,7 @@ def smallest_radii(scene: Scene) -> dict[str, float]:
     if isinstance(scene.fill, Positions):
         rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
         least = {
-            name: min(stated or low for kind, stated in rows if kind == name)
+            name: min(low_end or low for kind, low_end in rows if kind == name)
             for name, low in least.items()
             if any(kind == name for kind, _ in rows)
         }

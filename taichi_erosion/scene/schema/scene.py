@@ -415,8 +415,8 @@ def threshold_problems(scene: Scene) -> Iterator[str]:
     order, interval = scene.threshold, scene.run.check_interval
     for name in ("rise_hold", "hold", "spin_up", "fall_hold"):
         if getattr(order, name) < 2.0 * interval:
-            shown = f"threshold.{name} = {getattr(order, name):g} s"
-            yield f"{shown} is shorter than two run.check_interval of {interval:g} s"
+            entry = f"threshold.{name} = {getattr(order, name):g} s"
+            yield f"{entry} is shorter than two run.check_interval of {interval:g} s"
 
 
 def wind_problems(scene: Scene) -> Iterator[str]:

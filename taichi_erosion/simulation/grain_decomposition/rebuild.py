@@ -55,9 +55,9 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
             if rank >= before:
                 release_grain(world_out, r, rank)
             fault, _ = position_fault(world_out, r, rank)
-            gone = mark_leaving(world_out, r, rank, fault)
-            leaving += gone
-            if fault != 0 and gone == 0:
+            leaves = mark_leaving(world_out, r, rank, fault)
+            leaving += leaves
+            if fault != 0 and leaves == 0:
                 lost = rank + 1
             end = rank + 1
     ti.atomic_max(buffers_out.lost[r], lost)

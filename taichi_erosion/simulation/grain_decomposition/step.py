@@ -195,7 +195,7 @@ def advance_together(
 
     A flag is cleared in the stage after the next barrier: until then some thread may still read it.
     """
-    phase, done, looks, going = 1, 0, True, True
+    phase, steps, looks, going = 1, 0, True, True
     while going:
         if looks:
             phase = renew_and_exchange(stages, world_out, coupling_out, buffers_out, thread, phase)
@@ -208,8 +208,8 @@ def advance_together(
                 clear_flags(buffers_out)
             for stage in ti.static(stages.motion):
                 phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
-            done += 1
-            looks = buffers_out.pending[0] == 1 and done % stages.wait == 0
+            steps += 1
+            looks = buffers_out.pending[0] == 1 and steps % stages.wait == 0
 
 
 @ti.kernel

@@ -14,7 +14,7 @@ from taichi_erosion.evidence.answers.predictions import predict_study, predictio
 from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import forecast, joint_rows, left_out, new_rows, outlook
+from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import study_text, write_study
@@ -24,7 +24,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     """The closed form against a race without the row; every row is a batch of its own."""
     problem = linear_problem({}, {}, seed=3)
     table = replace(problem.measurements, group=tuple(map(str, range(24))))
-    shares = left_out(infer(problem, 1, table))
+    shares = leave_one_out(infer(problem, 1, table))
     for i in (0, 9, 12, 21):
         rest = infer(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
         place = joint_rows(
@@ -100,7 +100,7 @@ def test_closed_form_with_one_level():
     fit = race.fits[Hypothesis(())]
     told = outlook(joint_rows(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
     assert [block.kind for block in fit.blocks] == ["level"]
-    level, factor = np.exp(fit.evidence.solved.u)
+    level, factor = np.exp(fit.evidence.solution.u)
     prior = PRIOR_SD**2 * np.outer(x, x) + (level * SD) ** 2
     gain = prior[3:, :3] @ np.linalg.inv(prior[:3, :3] + (factor * SD) ** 2 * np.eye(3))
     assert told.mean() == pytest.approx(gain @ race.prepared.rows.z, rel=1e-6)
@@ -115,7 +115,7 @@ def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, 
     again = new_rows(p, NewConditions(rows.names, rows.conditions))
     place = joint_rows(race, replace(again, group=rows.group, source=rows.source))
     for fit in race.likeliest_fits(0.05):
-        now = fit.evidence.solved
+        now = fit.evidence.solution
         left = now.rows.y - now.rows.columns @ (now.tau * now.centre)
         if p.white.root is not None:
             left = np.linalg.solve(p.white.root, left)

@@ -119,8 +119,8 @@ def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laborator
     problem, row = laboratory
     wrong = with_value(problem, row, problem.measurements.value[row] + 30.0)
     before, after = (comparison_rows(each, each.measurements) for each in (problem, wrong))
-    (found,) = after.apart
-    assert not before.apart
+    (found,) = after.unmerged
+    assert not before.unmerged
     assert found.suspects == (row + 2,)
     assert found.gap == pytest.approx(30.0, abs=3.0)
     # a row of its own; its sound repeats stay merged
@@ -142,7 +142,7 @@ def test_of_a_pair_the_row_far_from_its_neighbours_is_to_be_checked(laboratory, 
     third = np.flatnonzero(here & (np.array(table.observable) == "repose_angle"))
     left = np.delete(np.arange(table.size), next(each for each in third if each != row))
     pair = replace(with_value(problem, row, table.value[row] + off).measurements.rows(left), line=())
-    (found,) = comparison_rows(problem, pair).apart
+    (found,) = comparison_rows(problem, pair).unmerged
     assert len(found.lines) == 2
     assert found.suspects == (int(np.flatnonzero(left == row)[0]) + 2,)
 

@@ -60,7 +60,7 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
         return np.diag((0.01 * np.concatenate(doses)) ** 2)
 
     race = infer(replace(problem, uncertainty=uncertainty), 58).race
-    fits = [f for f in race.fits.values() if f.hypothesis.beside == (truth.name,) and f.dose is not None]
+    fits = [f for f in race.fits.values() if f.hypothesis.extra == (truth.name,) and f.dose is not None]
     assert fits
     for fit in fits:
         size = np.sqrt(np.sum(fit.errors**2, axis=1))

@@ -79,7 +79,7 @@ def test_a_level_is_integrated_over_its_heavy_tail():
     )
     # a level of six standard errors costs its prior, not its misfit of 430 / 2
     assert 1.0 < near.log_evidence - far.log_evidence < 8.0
-    assert far.solved.u[0] > 0.5
+    assert far.solution.u[0] > 0.5
 
 
 def test_one_bad_row_is_found_and_weighs_little():
@@ -89,6 +89,6 @@ def test_one_bad_row_is_found_and_weighs_little():
     y[9] += 12.0
     dirty = evidence(replace(table, y=y), table.scales.start, 20)
     assert (clean.bad, dirty.bad) == (frozenset(), {9})
-    assert dirty.solved.rows.weight[9] == pytest.approx(BAD_SD**-2)
-    np.testing.assert_allclose(dirty.solved.centre[:2], clean.solved.centre[:2], atol=0.25)
+    assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD**-2)
+    np.testing.assert_allclose(dirty.solution.centre[:2], clean.solution.centre[:2], atol=0.25)
     assert clean.log_evidence - dirty.log_evidence < 12.0
