@@ -29,7 +29,7 @@ from taichi_erosion.tables.number_words import markdown_table
 
 COMMANDS: tuple[Command, ...] = ("compare", "discover", "adopt", "next")
 TEMPLATE, RECORDING = "answer.html", "study.rrd"
-FILES = ("study", "results", "written")  # of a vocabulary
+FILES = ("study", "results", "sequel")  # of a vocabulary
 TABLES = (("discover",), ("compare", "adopt"), ("next",))  # of the sections, by command
 
 
