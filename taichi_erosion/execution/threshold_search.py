@@ -25,13 +25,15 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.simulation import Simulation, export_bed, import_bed, snapshot, spin_up_wind
+from taichi_erosion.simulation import Simulation, air_profile, export_bed, import_bed, snapshot, spin_up_wind
 
 FIRST_WIND = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]
 LEAST_WIND = 0.02  # of the same: a bed that moves in such a wind was not at rest, and has no threshold [1]
 REST_MOTION = 1e-4  # of a diameter, between two checks: less motion is rest in a steady wind [1]
 REST_AFTER = 0.2  # of a trial, before which a bed does not count as at rest [1]
 ROUNDING = 1e-9  # of an interval or of a grain: what lies on its end counts as reached [1]
+ALOFT = 0.6, 0.9  # of the height of the air: where grains are carried off [1]
+LANDING = 0.4  # of that height, below which they are lifted again [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
 FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
 TRANSPORT = ("start", "fall")  # phases in which grains blow
@@ -123,6 +125,8 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     steady = not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
     outcome = trial_outcome(search, time, steady)
     if outcome is None:
+        if search.phase in ("ramp", "hold") and not search.scene.threshold.landings:
+            carry_off(sim, replica, search)
         return False
     old = search.trial
     wind = NEXT_WIND[search.phase](search, outcome)
@@ -136,6 +140,22 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     if search.phase == "ramp":
         search.trial.start, search.trial.rolling, search.trial.risen = old.start, old.rolling, old.risen
     return False
+
+
+def carry_off(sim: Simulation, replica: int, search: ThresholdSearch) -> None:
+    """Lift grains that have left the bed high into the air, at its speed, before they land on others."""
+    assert search.scene.wind is not None
+    (gone,) = np.nonzero(search.trial.risen)
+    place, height = search.trial.last[gone, 2], search.scene.wind.height
+    if not (place < LANDING * height).any():
+        return
+    bed, air = export_bed(sim, replica), air_profile(sim, replica)
+    rows, heights = np.argsort(bed["ident"])[gone], height * np.linspace(*ALOFT, len(gone))
+    speed = np.interp(heights, 0.5 * (air.face[1:] + air.face[:-1]), air.velocity[:, 0])
+    bed["origin"][rows, 2] += heights - place
+    bed["velocity"][rows] = np.outer(speed, [1.0, 0.0, 0.0])
+    bed["spin"][rows] = 0.0
+    import_bed(sim, replica, bed)
 
 
 def record_motion(search: ThresholdSearch, state: Snapshot) -> None:

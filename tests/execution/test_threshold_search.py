@@ -1,15 +1,19 @@
 """The order in which winds blow over a bed, against beds whose thresholds are known."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from measures.heaps import snapshot_of
 
+from taichi_erosion.core.snapshot import AirProfile
+from taichi_erosion.execution import threshold_search
 from taichi_erosion.execution.threshold_search import (
     NEXT_WIND,
     ThresholdSearch,
     Trial,
+    carry_off,
     record_motion,
     trial_outcome,
 )
@@ -108,3 +112,23 @@ def test_a_bed_is_at_rest_early_only_in_a_steady_wind_and_moves_with_the_grains_
     assert trial_outcome(search, 0.0, steady=True) is None
     search.trial.risen = np.arange(10) < 2
     assert trial_outcome(search, 0.0, steady=True) is True
+
+
+def test_grains_that_left_are_carried_off_before_they_land(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    assert scene.wind is not None
+    search, height, beds = ThresholdSearch(scene, {}, trial(0.2, grains=4)), scene.wind.height, []
+    search.trial.risen = np.array([True, False, False, True])
+    search.trial.last = np.outer([1.0, 0.9, 0.2, 0.01], [0.0, 0.0, height])
+    order, ones = np.array([2, 3, 0, 1]), np.ones((4, 3))
+    bed = {"ident": order, "origin": search.trial.last[order], "velocity": ones, "spin": ones.copy()}
+    air = AirProfile(np.array([0.0, height, 2.0 * height]), np.full((2, 2), 3.0), *np.zeros((4, 2)))
+    monkeypatch.setattr(threshold_search, "export_bed", lambda *_: bed)
+    monkeypatch.setattr(threshold_search, "air_profile", lambda *_: air)
+    monkeypatch.setattr(threshold_search, "import_bed", lambda *words: beds.append(words[2]))
+    no_device: Any = None
+    carry_off(no_device, 0, search)
+    assert beds[0]["origin"][:, 2] == pytest.approx(height * np.array([0.2, 0.9, 0.6, 0.9]))
+    assert beds[0]["velocity"].tolist() == [[1, 1, 1], [3, 0, 0], [3, 0, 0], [1, 1, 1]]
+    search.trial.last = beds[0]["origin"][np.argsort(order)]
+    carry_off(no_device, 0, search)
+    assert len(beds) == 1

@@ -180,21 +180,17 @@ def test_a_picture_of_a_simulated_heap_measures_as_the_heap_itself(tmp_path):
     assert photographed == pytest.approx(measured, abs=0.5)
 
 
-def blurred_noise():
-    grey = gaussian_filter(np.random.default_rng(13).normal(size=(200, 300)), 12.0)
-    return (255 * (grey - grey.min()) / np.ptp(grey)).astype(np.uint8)
-
-
 def half_dark(rows, columns):
     picture = np.full((200, 300), 220, dtype=np.uint8)
     picture[rows, columns] = 30
     return picture
 
 
+GREY = gaussian_filter(np.random.default_rng(13).normal(size=(200, 300)), 12.0)
 NO_HEAPS = {
     "blank": (np.full((200, 300), 128, dtype=np.uint8), "nothing stands out"),
     "snow": (np.random.default_rng(9).integers(0, 256, (200, 300), dtype=np.uint8), "no heap"),
-    "clouds": (blurred_noise(), "nothing stands out"),
+    "clouds": ((255 * (GREY - GREY.min()) / np.ptp(GREY)).astype(np.uint8), "nothing stands out"),
     "plate": (half_dark(slice(150, None), slice(None)), "no heap"),
     "wall": (half_dark(slice(None), slice(150)), "no heap"),
 }

@@ -23,11 +23,6 @@ def spheres(*centres: tuple[float, float, float], walls: tuple[WallMesh, ...] = 
     return np.asarray(image).astype(int)
 
 
-def coloured(image: np.ndarray) -> np.ndarray:
-    """Pixels that differ from an empty picture."""
-    return (image != spheres()).any(axis=-1)
-
-
 def pixel(x: float, z: float) -> tuple[int, int]:
     """Row and column of a point [m]."""
     column, row = np.rint(WINDOW.pixels(np.array([x, z]))).astype(int)
@@ -36,7 +31,7 @@ def pixel(x: float, z: float) -> tuple[int, int]:
 
 def test_a_sphere_is_a_disc_at_its_place_lit_from_the_upper_left():
     image = spheres((0.01, 0.0, 0.01))
-    rows, columns = np.nonzero(coloured(image))
+    rows, columns = np.nonzero((image != spheres()).any(axis=-1))  # pixels that differ from an empty picture
     # every pixel that the edge touches counts: half a pixel more all around
     assert rows.size == pytest.approx(np.pi * (RADIUS * WINDOW.scale) ** 2, rel=2.0 / (RADIUS * WINDOW.scale))
     expected = WINDOW.pixels(np.array([0.01, 0.01]))

@@ -148,14 +148,10 @@ def clumps(bodies: int, seed: int) -> Setup:
     return replace(loose, grains=spheres, clumps=equal_clumps(centre, poses))
 
 
-def heaps_with_effects() -> list[Setup]:
-    """The same heap bare, and with effects without and with a memory."""
-    effects = {}, {"dry_adhesion": {}, "image_charge": {}}, WITH_POWERS, {"ageing_pull": AGEING}
-    return [acted_on(heap(60, 1), KNOWN, **parameters) for parameters in effects]
-
-
+# of one heap: bare, and with effects without and with a memory
+EFFECTS = {}, {"dry_adhesion": {}, "image_charge": {}}, WITH_POWERS, {"ageing_pull": AGEING}
 CASES = {  # setups, laws, end [s], and what the two ways may differ by over the largest value [1]
-    "effects": (heaps_with_effects, ROLLING, WHOLE, FORCES),
+    "effects": (lambda: [acted_on(heap(60, 1), KNOWN, **each) for each in EFFECTS], ROLLING, WHOLE, FORCES),
     "clumps": (lambda: [clumps(40, 1), clumps(25, 2)], ROLLING, WHOLE, FORCES),
     "beds under wind": (lambda: [bed(1), bed(2, 2)], replace(ROLLING, drag="two_limits"), WHOLE, SUMS),
 }

@@ -74,10 +74,11 @@ class Threshold(Section):
 
     A grain has rolled when it has moved over the bed by `distance`, and has left the bed when it has risen by
     `distance` above its place at rest. The bed moves when `share` of as many grains as one layer holds, at
-    least one, have left it.
+    least one, have left it. Over a periodic patch the first that flies sets off the others where it lands;
+    without landings the wind alone is counted.
     """
 
-    later = ("steady_air", "profile_heights", "profile_speeds")
+    later = ("steady_air", "landings", "profile_heights", "profile_speeds")
 
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
@@ -98,6 +99,9 @@ class Threshold(Section):
     ceased: float = number(0.01, "1", "share of the first flux at which transport has ceased", 1e-6, 0.5)
     steady_air: bool = Field(
         default=False, description="transport that starts and falls: as a stage's steady_air, at every check"
+    )
+    landings: bool = Field(
+        default=True, description="grains that left a bed at rest land on it; false: they are carried off"
     )
     fetch: float = number(6.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)
     speed_ratio: float | None = number(
