@@ -22,14 +22,9 @@ SCATTER = {"threshold_u_star": 0.02, "flux": 0.08}  # over the value [1]
 OWN_SCATTER = {"repose_angle": 0.5, "flux": 1e-4}  # deg, kg m-1 s-1
 
 
-def rolling_factor(moisture: float) -> float:
-    """Rolling friction over that of dry grains [1]."""
-    return 1.0 + 5.0 * (moisture / 0.02) ** 0.7
-
-
 def readings(moisture: float, diameter: float) -> dict[str, float]:
     """What the soil does: threshold [m s-1], flux [kg m-1 s-1], angle [deg]."""
-    factor = rolling_factor(moisture)
+    factor = 1.0 + 5.0 * (moisture / 0.02) ** 0.7  # of rolling friction over that of dry grains
     threshold = 0.11 * math.sqrt((2650.0 / 1.2 - 1.0) * 9.81 * diameter) * factor**0.125
     flux = 1.3 * 1.2 / 9.81 * threshold * max(WIND**2 - threshold**2, 0.0)
     angle = math.degrees(math.atan(FRICTION)) + 15.0 * ROLLING * factor

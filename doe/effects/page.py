@@ -56,7 +56,8 @@ def judged(saying: Saying, answers: Sequence[Answer], shifts: Shifts, beds: Shif
     for row in beds if saying.table == "beds" else shifts if saying.table == "shifts" else ():
         if (row["effect"], row["observable"], row["label"]) == (saying.effect, saying.quantity, saying.label):
             if isfinite(saying.place):
-                return judged_by_law(saying, row, flowing_slope(beds))
+                slopes = (float(each["bare"]) for each in beds if each["observable"] == FLOWING)
+                return judged_by_law(saying, row, next(slopes, nan))
             return judged_shift(saying, row)
     return NOT_RUN
 
@@ -64,7 +65,7 @@ def judged(saying: Saying, answers: Sequence[Answer], shifts: Shifts, beds: Shif
 def judged_answers(saying: Saying, rows: Sequence[Answer]) -> Verdict:
     """A sentence beside answers that are known: right way, near the closed form, near the law of beds."""
     ends = [rows[0], rows[-1]] if len(rows) > 1 else list(rows)
-    parts = [f"{value_words(row)}{place_words(row)}" for row in ends]
+    parts = [value_words(a) + f" at {a.axis.partition(' [')[0]} {a.place:g}" * bool(a.axis) for a in ends]
     known = [abs(row.value / row.expected - 1.0) for row in rows if isfinite(row.expected)]
     laws = [row.value / row.law - 1.0 for row in rows if isfinite(row.law)]
     if known:
@@ -102,11 +103,6 @@ def value_words(row: Answer) -> str:
     return f"{before}{row.value:.3g}{error}"
 
 
-def place_words(row: Answer) -> str:
-    """Where on its axis a value stands."""
-    return f" at {row.axis.partition(' [')[0]} {row.place:g}" if row.axis else ""
-
-
 def judged_shift(saying: Saying, row: dict[str, str]) -> Verdict:
     """A sentence beside a measured shift."""
     shift, error = float(row["shift"]), float(row["standard_error"])
@@ -117,12 +113,6 @@ def judged_shift(saying: Saying, row: dict[str, str]) -> Verdict:
     if abs(shift) <= TOLD * error:
         return Verdict(came, "not significant")
     return Verdict(came, "yes" if shift * saying.sign > 0.0 else "no")
-
-
-def flowing_slope(beds: Shifts) -> float:
-    """Slope at which the small beds flow without wind [deg]."""
-    angles = [float(row["bare"]) for row in beds if row["observable"] == FLOWING]
-    return angles[0] if angles else nan
 
 
 def judged_by_law(saying: Saying, row: dict[str, str], flowing: float) -> Verdict:

@@ -20,11 +20,9 @@ SHOWN = (REFERENCE, "surface energy", "grain number", "outlet height", "pouring 
 ADHESION = ("adhesion and time step", "law of adhesion", "surface energy", "adhesion and grain size")
 MEASURED = (33.52, 0.68)  # deg, mean and sd of 10 repeats, Hao et al. (2022)
 MILLIMETRES = 1e3  # per metre
-MICROSECONDS = 1e6  # per second
 OURS, THEIRS = "#1f4e79", "#c0392b"
 
 BEND = re.compile(r"changes by (-?[\d.]+) deg")
-CAUSE = "; likely cause"  # what a guard adds to what it saw
 
 Found = dict[str, Row]  # rows of one case by observable
 
@@ -33,7 +31,7 @@ def case_line(name: tuple[str, str], found: Found) -> tuple[str, ...]:
     """One line: what was changed, the two angles, the heap, the step."""
     row = next(iter(found.values()))
     if row.observable == STOPPED:
-        return (*name, "stopped", "", "", "", "", row.note.partition(CAUSE)[0])
+        return (*name, "stopped", "", "", "", "", row.note.partition("; likely cause")[0])
     angle = spread(found, "repose_angle")
     return (
         *name,
@@ -41,7 +39,7 @@ def case_line(name: tuple[str, str], found: Found) -> tuple[str, ...]:
         spread(found, "cone_angle") if found["repose_angle"].n else angle,
         spread(found, "pile_height", MILLIMETRES),
         spread(found, "centroid_height", MILLIMETRES),
-        f"{MICROSECONDS * row.time_step:.3g}",
+        f"{1e6 * row.time_step:.3g}",
         remark(found["repose_angle"].note),
     )
 

@@ -70,12 +70,6 @@ def between(generator: random.Random, low: float, high: float) -> float:
     return low * (high / low) ** generator.random()
 
 
-def drawn_numbers(generator: random.Random) -> dict[str, float]:
-    """Sliding and rolling friction of a laboratory."""
-    sliding = USUAL[SLIDING] * generator.lognormvariate(0.0, 0.08)
-    return {SLIDING: sliding, ROLLING: USUAL[ROLLING] * generator.lognormvariate(0.0, 0.3)}
-
-
 def other_laws_case(generator: random.Random, names: tuple[str, ...]) -> Case:
     """Strengths between 0.5 and 2, and contacts of other laws.
 
@@ -91,7 +85,9 @@ def other_laws_case(generator: random.Random, names: tuple[str, ...]) -> Case:
         f"fill.pitch_d={pitch!r}",
         f"run.time_step_d={FINER * STEP_D * (MODULUS / modulus) ** 0.5!r}",
     )
-    return {"effects": effects, "numbers": drawn_numbers(generator), "settings": settings}
+    scatters = {SLIDING: 0.08, ROLLING: 0.3}  # of the logarithms of both frictions of a laboratory
+    numbers = {name: USUAL[name] * generator.lognormvariate(0.0, width) for name, width in scatters.items()}
+    return {"effects": effects, "numbers": numbers, "settings": settings}
 
 
 def surface_energy(pull: float, diameter: float) -> float:

@@ -40,7 +40,10 @@ BINS = 10  # of probabilities
 
 def reduced_metrics(cases: Cases) -> Iterator[Metric]:
     """Cases of the closed-form model by kind, then what all of them have."""
-    yield from null_metrics(of_kind(cases, "null"))
+    nulls = of_kind(cases, "null")
+    yield share("nulls: any name", [bool(c.told) for c in nulls], "<= 0.02")
+    yield share("nulls: not in the list", [c.flagged for c in nulls], "<= 0.03")
+    yield share("nulls: any mechanism", [bool(c.mechanisms) for c in nulls], "<= 0.02")
     yield from listed_metrics(cases)
     yield from unlisted_metrics(of_kind(cases, "unlisted"))
     yield from mechanism_metrics([c for c in of_kind(cases, "mechanism") if c.ratio >= STRONG])
@@ -60,13 +63,6 @@ def held(cases: Cases, what: str) -> list[bool]:
     """Intervals of all cases; a strength of another law than the effect's has no true value."""
     formed = [c for c in cases if what != "strengths" or c.truth.get("disturbance") != "form"]
     return [hit for case in formed for hit in case.intervals(what)]
-
-
-def null_metrics(nulls: Cases) -> Iterator[Metric]:
-    """Nothing is missing."""
-    yield share("nulls: any name", [bool(c.told) for c in nulls], "<= 0.02")
-    yield share("nulls: not in the list", [c.flagged for c in nulls], "<= 0.03")
-    yield share("nulls: any mechanism", [bool(c.mechanisms) for c in nulls], "<= 0.02")
 
 
 def listed_metrics(cases: Cases) -> Iterator[Metric]:

@@ -7,6 +7,7 @@ python -m doe.wind.one_sand LABEL SEED...   some beds first, such as "1 mm" 1 2,
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from doe.common.cases import ROOT, Case, perform, settings
@@ -19,23 +20,30 @@ from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impac
 from taichi_erosion.tables.number_words import markdown_table
 from taichi_erosion.wind.survey import Survey, scenes_of
 
-TABLE = Path(__file__).with_name("thresholds.csv")
+TABLE, STARTS = (Path(__file__).with_name(f"{name}.csv") for name in ("thresholds", "starts"))
 FLUID, IMPACT, LINE = "fluid_threshold", "impact_threshold", "impact_threshold_linear"
 HALVES = {FLUID: 1.04**0.25, IMPACT: 0.9**-0.5}  # upper end of a bracket over its middle [1]
 WIND = 0.4123  # u* of Creyssels et al. (2009) [m s-1]
 PATCH = settings("grains.count=3200", "wind.length_d=50", "wind.width_d=16")
+SIXTEEN = settings("grains.count=12800", "wind.length_d=100", "wind.width_d=32")
 REST = settings("measure={ fluid_threshold={} }")
+ALONE = REST + settings("threshold.landings=false")
 SIZES = (
     'grains.size={ law = "lognormal", sigma_log = 0.336, median = 0.00025, low = 0.000128, high = 0.00049 }'
 )
 WIDE = "fill.pitch_d=2.05", "wind.width_d=13", "grains.count=1300", SIZES  # cut at twice the width
 SANDS, SHIPPED = {f"{d:g} mm": d for d in (0.15, 0.25, 0.5, 1.0)}, "0.25 mm"
-SORTING = {"sorting 1.4": REST + settings(*WIDE)}
-ORDERS = dict.fromkeys(SANDS, ()) | {"patch": REST + PATCH, "flux": (), "flux of the patch": PATCH} | SORTING
+ORDERS = {name: () for name in (*SANDS, "flux")} | {"patch": REST + PATCH, "flux of the patch": PATCH}
+ORDERS |= {"carried off": ALONE, "patch, carried off": ALONE + PATCH}
+ORDERS |= {"sixteen": REST + SIXTEEN, "sorting 1.4": REST + settings(*WIDE)}
 ONE, BY_LINE = "impact over fluid, flux below 1 %", "impact over fluid, line of the flux"
 HEAD = "d [mm]", "beds", "fluid u* [m/s]", "Iversen & White", "impact u* [m/s], flux below 1 %", "Kok et al."
 HEAD += "impact u* [m/s], line of the flux", ONE, BY_LINE
 VARIANTS = {"as shipped": (SHIPPED, "flux"), "four times the area": ("patch", "flux of the patch")}
+VARIANTS |= {"sixteen times the area": ("sixteen", ""), "as shipped, carried off": ("carried off", "")}
+VARIANTS |= {"four times, carried off": ("patch, carried off", ""), "sorting 1.4": ("sorting 1.4", "")}
+SHOWN, WATCH, STEPS = (1, 4, 16), 5.0, 50  # areas over that as shipped [1]; s; of Newton's rule
+STARTS_HEAD = "trials", "with a start", "a", "n", *(f"u* of half, area x {over} [m/s]" for over in SHOWN)
 
 
 def simulate(label: str, *seeds: str) -> None:
@@ -58,6 +66,32 @@ def interval(beds: pd.DataFrame, name: str, scale: float = 1.0) -> str:
     return f"{pooled.value:#.3g} ({ends['low']:#.3g} to {ends['high']:#.3g})"
 
 
+def starts() -> str:
+    """Table of the rate c A^a u*^n at which a first grain starts, constant in time; A: 1 as shipped.
+
+    Most likely c, a and n by the first starts of all trials with landings, errors from the curvature there;
+    and the winds in which half of such patches have a start within `WATCH`.
+    """
+    trials = pd.read_csv(STARTS).query("landings")
+    started, seconds = trials["first"].notna(), trials["first"].fillna(trials["watched"])
+    area = trials["length_d"] * trials["width_d"] / 200.0
+    terms = np.column_stack([np.ones(len(trials)), np.log(area), np.log(trials["u_star"] / WIND)])
+    fit, covariance = np.array([np.log(started.sum() / seconds.sum()), 0.0, 0.0]), np.eye(3)
+    for _ in range(STEPS):
+        expected = np.exp(terms @ fit) * seconds.to_numpy()
+        covariance = np.linalg.inv(terms.T * expected @ terms)
+        fit += covariance @ terms.T @ (started - expected)
+    cells = [f"{fit[k]:.2f} ± {1.96 * covariance[k, k] ** 0.5:.2f}" for k in (1, 2)]
+    for over in np.log(SHOWN):
+        power = (np.log(np.log(2.0) / WATCH) - fit[0] - fit[1] * over) / fit[2]
+        slope = np.array([1.0, over, power]) / fit[2]
+        error = 1.96 * float(slope @ covariance @ slope) ** 0.5
+        cells.append(
+            "{:.3f} ({:.3f} to {:.3f})".format(*WIND * np.exp([power, power - error, power + error]))
+        )
+    return markdown_table(STARTS_HEAD, [(str(len(trials)), str(started.sum()), *cells)])
+
+
 def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for, and fill the tables."""
     if asked:
@@ -74,12 +108,16 @@ def main(asked: Sequence[str]) -> None:
     whole = pd.concat([groups[name] for name in SANDS])
     rows.append(("all", str(len(whole)), *[""] * 5, interval(whole, ONE), interval(whole, BY_LINE)))
     variants = []
-    for title, (rest, blown) in (VARIANTS | {name: (name, "") for name in SORTING}).items():
+    for title, (rest, blown) in VARIANTS.items():
         beds, flux = groups[rest], groups.get(blown)
         cells = ("", "") if flux is None else (str(len(flux)), interval(flux, "flux", 1e3))
         variants.append((title, str(len(beds)), interval(beds, FLUID), *cells))
     head = ("0.25 mm", "beds", "fluid u* [m/s]", "beds", f"flux at u* {WIND} m/s [g/(m s)]")
-    tables = {"one sand": markdown_table(HEAD, rows), "patch": markdown_table(head, variants)}
+    tables = {
+        "one sand": markdown_table(HEAD, rows),
+        "patch": markdown_table(head, variants),
+        "starts": starts(),
+    }
     write_pages([TABLE.with_name("README.md")], tables)
 
 

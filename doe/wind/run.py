@@ -5,14 +5,12 @@ python -m doe.wind.run GROUP...    the cases of some groups; `hopping` is the gr
 """
 
 from collections.abc import Sequence
-from math import pi
 from pathlib import Path
 
 from doe.common.cases import DRAG_ALONE, Case, perform, settings
 from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.effect_library.dry_adhesion import Params
-from tests.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
+from tests.verification.reference.hopping import Sand, hopping_threshold
 from tests.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
 
 SCENE, TABLE = "scenes/wind_threshold.toml", Path(__file__).with_name("fluid.csv")
@@ -20,18 +18,12 @@ HOPPING = Path(__file__).with_name("hopping.csv")
 DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3, 0.075e-3)  # m
 FINE = (0.075e-3, 0.1e-3, 0.15e-3, 0.24e-3, 0.5e-3)  # m, those that are also simulated with adhesion
 ADHESION = "effects.dry_adhesion.strength=1"
-EACH = "effects.dry_adhesion.contacts=1"  # the pull of a whole grain in every contact
 FAR = 100.0  # diameters over a bed, from where its roughness is seen
 
 BEDS, MANY, FEW = 5, 32, 3  # of a threshold, of that of the tunnel, of one that shows how a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
 STATED, STEP = "materials.soil.density=2130", "run.time_step_fraction=0.25"  # kg m-3, as the study states it
-
-
-def bond_number(diameter: float) -> float:
-    """Pull of dry grains over their weight [1]."""
-    return Params().beta * diameter / (pi / 6.0 * diameter**3 * Sand(diameter).density * GRAVITY)
 
 
 def fluid_cases() -> list[Case]:

@@ -5,9 +5,8 @@ python -m doe.wind.saturated GROUP/SAND...  some anew, as impact/0.24 or adhesio
 
 Four winds over each sand, as far above the one in which a single grain goes on (hopping.csv). Hops last and
 rise as the wind asks: times go with u*, heights and stiffness with its square. `adhesion` has dry adhesion,
-which the contacts of a grain share, in the winds of the same sand without it; `adhesion_in_every_contact` has
-the pull of a whole grain in every contact, and stronger winds, as if its grains were heavier by that pull.
-One sand is blown with lighter grains too.
+which the contacts of a grain share, in the winds of the same sand without it. One sand is blown with lighter
+grains too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,8 +15,8 @@ from pathlib import Path
 
 from doe.common.cases import Case, perform, read_rows, settings, size_order
 from doe.common.command import words
-from doe.wind.run import ADHESION, DIAMETERS, EACH, FINE, bond_number
-from doe.wind.saturated_sand import BARE, IN_EVERY_CONTACT, LIGHT, STICKY
+from doe.wind.run import ADHESION, DIAMETERS, FINE
+from doe.wind.saturated_sand import BARE, LIGHT, STICKY
 from tests.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")
@@ -51,7 +50,6 @@ class Blown:
     group: str
     sand: Sand
     orders: tuple[str, ...] = ()
-    pull: float = 0.0  # of grains that stick, over their weight [1]
 
     @property
     def name(self) -> str:
@@ -62,7 +60,7 @@ class Blown:
 def cases(blown: Blown) -> Iterator[Case]:
     """The four winds over one sand."""
     diameter, density = blown.sand.diameter, blown.sand.density
-    goes_on = (1.0 + blown.pull) ** 0.5 * hopping_threshold(blown.sand)
+    goes_on = hopping_threshold(blown.sand)
     faster = goes_on / hopping_threshold(Sand(REFERENCE))
     common = (
         size_order(diameter),
@@ -91,7 +89,6 @@ def sands() -> dict[str, list[Case]]:
     asked = [
         *(Blown(BARE, Sand(d)) for d in DIAMETERS),
         *(Blown(STICKY, Sand(d), (ADHESION,)) for d in FINE if d < COARSE),
-        *(Blown(IN_EVERY_CONTACT, Sand(d), (ADHESION, EACH), bond_number(d)) for d in FINE),
         Blown(LIGHT, Sand(LIGHT_DIAMETER, CHEPIL)),
     ]
     return {blown.name: list(cases(blown)) for blown in asked}

@@ -53,17 +53,13 @@ def test_detached_specks_vanish_and_holes_close():
     assert not body[2:4, 24:26].any()
 
 
-def grainy(correlation, rng):
-    """Stationary first-order autoregressive noise of unit variance."""
-    shocks = rng.normal(size=COLUMNS + 200) * (1.0 - correlation**2) ** 0.5
-    return lfilter([1.0], [1.0, -correlation], shocks)[200:]
-
-
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
 def test_the_errors_hold_where_neighbouring_columns_show_the_same_grain(correlation):
-    rng = np.random.default_rng(10)
     x = np.arange(COLUMNS) + 0.5
-    flanks = [silhouette.fit_flank(x, 200.0 - 0.4 * x + grainy(correlation, rng)) for _ in range(300)]
+    # stationary first-order autoregressive noise of unit variance
+    gain, shocks = (1.0 - correlation**2) ** 0.5, np.random.default_rng(10).normal(size=(300, COLUMNS + 200))
+    noises = lfilter([gain], [1.0, -correlation], shocks)[:, 200:]
+    flanks = [silhouette.fit_flank(x, 200.0 - 0.4 * x + noise) for noise in noises]
     for fitted, claimed in (("angle", "error"), ("bend", "bend_error")):
         seen = np.std([getattr(flank, fitted) for flank in flanks])
         stated = np.mean([getattr(flank, claimed) for flank in flanks])

@@ -91,7 +91,7 @@ def study_of(
     order = generator.permutation(len(library))
     return Problem(
         measurements=table,
-        observables=observables_of(observables),
+        observables={k: Observable(k, TRANSFORMS[k], FLUX_FLOOR * (k == "flux")) for k in observables},
         parameters=parameters_of(observables),
         candidates=tuple(Candidate(library[i]) for i in order),
         model=model,
@@ -103,11 +103,6 @@ def start_values(observables: tuple[str, ...]) -> dict[str, float]:
     """Calibrated numbers that move the measured observables."""
     used = {path for name in observables for path in OWNERS[name]}
     return {path: value for path, value in reduced.PARAMETERS.items() if path in used}
-
-
-def observables_of(names: tuple[str, ...]) -> dict[str, Observable]:
-    """Measured observables on their comparison scales."""
-    return {name: Observable(name, TRANSFORMS[name], FLUX_FLOOR if name == "flux" else 0.0) for name in names}
 
 
 def parameters_of(observables: tuple[str, ...]) -> tuple[Parameter, ...]:

@@ -163,6 +163,11 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
     return parse_scene(table | more)
 
 
+def at_rest(size: float) -> Scene:
+    """A bed that comes to rest."""
+    return sand(size, RESTING, [REST], {"measure": {}})
+
+
 def steady(size: float, patch: Patch) -> Scene:
     """Grains that blow in one wind."""
     change = {"until": "time", "friction_velocity": patch.wind}
@@ -197,8 +202,7 @@ def ends(line: Bracket) -> str:
 def hopping_alone(sizes: Sequence[float]) -> list[float]:
     """Lowest winds in which one grain goes on over beds of such grains [m s-1]."""
     sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
-    beds = [sand(size, RESTING, [REST], {"measure": {}}) for size in sizes]
-    return list(map(hopping_threshold, sands, winds_over_beds(beds, sands)))
+    return list(map(hopping_threshold, sands, winds_over_beds([at_rest(size) for size in sizes], sands)))
 
 
 def saltation() -> Iterator[Outcome]:
