@@ -34,13 +34,13 @@ SIZES = (
 WIDE = "fill.pitch_d=2.05", "wind.width_d=13", "grains.count=1300", SIZES  # cut at twice the width
 SANDS, SHIPPED = {f"{d:g} mm": d for d in (0.15, 0.25, 0.5, 1.0)}, "0.25 mm"
 ORDERS = {name: () for name in (*SANDS, "flux")} | {"patch": REST + PATCH, "flux of the patch": PATCH}
-ORDERS |= {"carried off": ALONE, "patch, carried off": ALONE + PATCH}
+ORDERS |= {"two of 200": REST, "carried off": ALONE, "patch, carried off": ALONE + PATCH}
 ORDERS |= {"sixteen": REST + SIXTEEN, "sorting 1.4": REST + settings(*WIDE)}
 ONE, BY_LINE = "impact over fluid, flux below 1 %", "impact over fluid, line of the flux"
 HEAD = "d [mm]", "beds", "fluid u* [m/s]", "Iversen & White", "impact u* [m/s], flux below 1 %", "Kok et al."
 HEAD += "impact u* [m/s], line of the flux", ONE, BY_LINE
 VARIANTS = {"as shipped": (SHIPPED, "flux"), "four times the area": ("patch", "flux of the patch")}
-VARIANTS |= {"sixteen times the area": ("sixteen", ""), "as shipped, carried off": ("carried off", "")}
+VARIANTS |= {"two grains of 200": ("two of 200", ""), "as shipped, carried off": ("carried off", "")}
 VARIANTS |= {"four times, carried off": ("patch, carried off", ""), "sorting 1.4": ("sorting 1.4", "")}
 SHOWN, WATCH, STEPS = (1, 4, 16), 5.0, 50  # areas over that as shipped [1]; s; of Newton's rule
 STARTS_HEAD = "trials", "with a start", "a", "n", *(f"u* of half, area x {over} [m/s]" for over in SHOWN)

@@ -12,6 +12,10 @@ from taichi_erosion.tables.number_words import plain
 from taichi_erosion.wind.survey import departure
 
 Document = Mapping[str, Any]
+PATCH = (
+    "The fluid threshold is of this patch and watch: the first grain that flies sets off others, so four "
+    "times the area or the watch lower it by a tenth; `threshold.landings = false` counts the wind alone."
+)
 INTERVAL = "brackets: 95 % over beds; ±: standard deviation"
 
 
@@ -54,6 +58,7 @@ def survey_notes(document: Document) -> Iterator[str]:
     for name, run in document["runs"].items():
         yield from (f"{name}: {line}" for line in comparisons(run))
         yield from (f"warning: {name}: {line}" for line in run_warnings(run))
+    yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():
         if document["runs"] and (off := departure(document["runs"]["thresholds"], name)) > share:
             yield f"warning: {quantity(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
