@@ -5,6 +5,7 @@ The markers of an artist whose `gid` is `rows:NAME` get the texts of this name, 
 
 import io
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -126,7 +127,9 @@ def raster(figure: Figure, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
 def inline_svg(figure: Figure, name: str, texts: Mapping[str, Sequence[str]]) -> str:
     """Figure as an SVG element; `name` keeps its identifiers apart from those of other figures."""
     page = io.StringIO()
-    figure.savefig(page, format="svg", transparent=True, metadata=UNDATED)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # the reader's browser draws the letters
+        figure.savefig(page, format="svg", transparent=True, metadata=UNDATED)
     text = NAME.sub(rf"\g<1>{name}-\g<2>", page.getvalue())
     for colour, role in ROLES.items():
         text = text.replace(colour, f"var({role})")

@@ -221,7 +221,7 @@ def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
 
 def plain_words(text: str) -> str:
     """A heading without accents, capitals and signs between words."""
-    opened = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss"))
+    opened = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss").replace("’", "'"))
     opened = opened.replace("+/-", "±").replace("+-", "±")
     bare = "".join(sign for sign in opened if not unicodedata.combining(sign))
     return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())

@@ -48,12 +48,20 @@ def is_height(heading: Heading) -> bool:
 
 
 def own_name(heading: str, others: Sequence[str], place: int) -> str:
-    """Name of letters, digits and _ for a column, another one than some: `salt_content`."""
-    signs = plain_words(heading).replace("<", " below ").replace(">", " above ")
-    latin = re.sub("μ(?=[a-z])", "u", signs)  # of `µm`; other Greek letters are called by their names
-    latin = re.sub("[α-ω]", lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
-    plain = re.sub(r"[^a-z0-9]+", "_", latin).strip("_")[:40]
-    return plain if plain[:1].isalpha() and plain not in others else f"column_{place + 1}"
+    """Name of letters of any script, digits and _ for a column, another one than some: `salt_content`.
+
+    Latin letters lose their accents, a Greek letter that stands alone is called by its name.
+    """
+    text = heading.lower().replace("ß", "ss").replace("<", " below ").replace(">", " above ")
+    bare = re.sub(r"(?<=[a-z])[\u0300-\u036f]+", "", unicodedata.normalize("NFKD", text))
+    symbol = re.compile(r"(?<![α-ω\u0301])[α-ω](?![α-ω\u0301])")
+    latin = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`
+    latin = symbol.sub(lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
+    signs = unicodedata.normalize("NFKC", latin)
+    words = "".join(sign if f"a{sign}".isidentifier() else " " for sign in signs)
+    plain = re.sub(r"[\s_]+", "_", words.strip(" _"))[:40].strip("_")
+    plain = plain if plain[:1].isalpha() else f"column_{plain or place + 1}"
+    return f"column_{place + 1}" if plain in others else plain
 
 
 def no_conditions(

@@ -25,6 +25,11 @@ def plain(value: float, digits: int = 3) -> str:
     return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
+def key_text(name: str) -> str:
+    """A name as a key of TOML, in quotes where it has letters that are not ASCII."""
+    return name if name.isascii() else f'"{name}"'
+
+
 def count_noun(count: int, noun: str) -> str:
     """`1 row`, `17 rows`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -33,6 +33,12 @@ conditions.spread: d90/d50 (-) -> 1
 conditions.relative_humidity: air humidity (%) -> %
 conditions.altitude: altitude (m a.s.l.) -> m
 conditions.air_density: air density (kg/m3) -> kg/m3
+dynamic_angle: Ángulo de reposo dinámico (°) -> °; Angle de repos dynamique (°) -> °
+conditions.friction_velocity: 剪切风速(m/s) -> m/s; Velocidad de cizalla (m/s) -> m/s
+threshold_u_star: 临界剪切风速(m/s) -> m/s; Velocidade de cisalhamento limiar (m/s) -> m/s
+conditions.relative_humidity: HR (%) -> %; r.F. (%) -> %; Humidité de l\u2019air (%) -> %
+conditions.clay_fraction: Ton (%) -> %; Taux d\u2019argile (%) -> %; 粘土含量(%) -> %
+materials.soil.density: Densidade dos grãos (kg/m3) -> kg/m3; Densité réelle (g/cm³) -> g/cm³
 """  # meaning: heading -> unit; ...
 CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
@@ -42,7 +48,7 @@ maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
 funnel diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g); bulk density (g/cm3)
-days after spraying (d); Kontaktwinkel (°); element height (mm)
+days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
 """
 
 
@@ -82,9 +88,20 @@ def test_a_letter_with_a_unit_of_another_quantity_has_no_meaning_of_its_own():
 
 
 def test_a_column_has_a_name_that_its_owner_knows_again():
-    names = {"Γ": "gamma", "< 63 µm (%)": "below_63_um", "植被盖度": "column_3"}
+    names = {"Γ": "gamma", "< 63 µm (%)": "below_63_um", "植被盖度": "植被盖度", "Плотность": "плотность"}
+    names |= {"Υγρασία": "υγρασία", "मिट्टी": "मिट्टी", "Grün-Anteil": "grun_anteil", "10 min": "column_10_min"}
     names |= dict.fromkeys(["θ (m3/m3)", "theta_volumetric [m3/m3]"], "theta_volumetric")
     assert {heading: own_name(read_heading(heading).name, [], 2) for heading in names} == names
+
+
+def test_counts_scatter_and_remarks_are_known_in_their_languages():
+    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Réplicas"}
+    words |= {"sd": "DE; Desv. est.; é.-t.; Standardabw. [°]; 均方差", "se": "Erreur standard"}
+    words |= {"remark": "Notas; Obs.; 日期; Hinweis; Comentário; Anm."}
+    roles = {
+        role: {meaning_of(read_heading(text).name)[0] for text in headings(words[role])} for role in words
+    }
+    assert roles == {role: {role} for role in words}
 
 
 def test_words_that_change_nothing_and_are_not_known_are_told():

@@ -38,7 +38,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     has_no_scale,
 )
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
-from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
+from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
 from taichi_erosion.evidence.models.table_columns import declared_units
@@ -56,11 +56,12 @@ from taichi_erosion.tables.headings import (
     longest_word,
     meaning_of,
     near_meaning,
-    plain_words,
     qualifiers,
     read_heading,
     unit_in,
 )
+from taichi_erosion.tables.number_columns import own_name
+from taichi_erosion.tables.number_words import key_text
 from taichi_erosion.tables.spreadsheet import source_digest
 
 Document = dict[str, Any]
@@ -422,13 +423,11 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
     ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
     optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
     for text, said in said_of.conditions.items():
-        name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
+        unit = unit_in(said)
         if unit is None or unit_of_path(said) is not None or said == NOT_USED:
             conditions[text] = said
             continue
-        if not NAME.fullmatch(name):
-            raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
-        conditions[text] = CONDITION + name
+        conditions[text] = CONDITION + own_name(read_heading(text).name, (), 0)
         own_conditions.setdefault(conditions[text], unit)
     return replace(
         said_of,
@@ -457,7 +456,7 @@ def own_template(file: Path, request: StudyRequest) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
     if lost := (own := undeclared_conditions(request)).keys() - declared_units(file).keys():
         unit = own[name := min(lost)]
-        entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
+        entry = f'[conditions.extra] {key_text(name)} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())
     pair = "-".join(2 * [max(scene.grains.parts.items(), key=lambda part: part[1].share)[0]])

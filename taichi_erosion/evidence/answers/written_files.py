@@ -35,6 +35,7 @@ from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.scene.load import file_text
 from taichi_erosion.scene.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.tables.number_words import key_text
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
@@ -232,7 +233,7 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     lines += [
         "",
         "[conditions]",
-        *(f"{name} = {toml_string(paths)}" for name, paths in content.conditions.items()),
+        *(f"{key_text(name)} = {toml_string(paths)}" for name, paths in content.conditions.items()),
     ]
     for number in content.parameters:
         lines += ["", f"[parameters.{toml_string(number.path)}]    # {number.why}"]

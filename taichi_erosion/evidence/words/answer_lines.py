@@ -22,7 +22,7 @@ from taichi_erosion.evidence.record import (
 )
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.tables.number_words import count_noun, heading, plain, with_unit
+from taichi_erosion.tables.number_words import count_noun, heading, key_text, plain, with_unit
 
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
@@ -236,7 +236,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
 def wider(record: Record, voc: say.Vocabulary) -> str:
     """How to ask for measurements elsewhere: twice as far along every condition that varies."""
     ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
-    ranges = ", ".join(f"{name} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
+    ranges = ", ".join(f"{key_text(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
     return f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}." * bool(ranges)
 
 

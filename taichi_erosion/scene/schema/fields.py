@@ -30,10 +30,8 @@ from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import nearest
 
 Vector = tuple[float, float, float]
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
-PairName = Annotated[
-    str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}-[A-Za-z][A-Za-z0-9_]{0,59}$")
-]
+Name = Annotated[str, StringConstraints(pattern=r"^[^\W\d_]\w{0,59}$")]
+PairName = Annotated[str, StringConstraints(pattern=r"^[^\W\d_]\w{0,59}-[^\W\d_]\w{0,59}$")]
 
 DIAMETERS = "_d"  # suffix of a length in nominal diameters, or of a time in s per m of diameter
 SCALING_UNITS = ("m", "s")  # of quantities that may be given so

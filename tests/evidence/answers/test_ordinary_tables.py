@@ -278,3 +278,14 @@ def test_what_is_told_of_a_condition_is_what_the_rows_show_of_it(tmp_path):
     study = study_of(tmp_path, "clay")
     assert "it changes with the set-up alone" in study.path.read_text("utf-8")
     assert [each.shape for each in answer(study).record.curves if each.condition == "moisture"] == ["rises"]
+
+
+@pytest.mark.parametrize("heading", ["植被盖度", "Растительный покров", "Φυτοκάλυψη"])
+def test_an_answer_speaks_of_a_column_in_the_script_of_its_owner(tmp_path, heading):
+    rows = [
+        f"{d};{c};{0.2 * (d / 0.2) ** 0.5 * (1 + 0.06 * c)}" for d in (0.2, 0.4) for c in (0, 3, 6, 9, 12)
+    ]
+    table = "\n".join([f"d (mm);{heading} (%);u*t (m/s)", *rows, ""])
+    study = study_of(tmp_path, "", table, sd={"threshold_u_star": "2 %"})
+    assert set(study.file.conditions) == {"diameter", heading.lower().replace(" ", "_")}
+    assert heading.lower() in " ".join(answer(study).answer().lines)

@@ -49,7 +49,7 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
     **{"source": "source", "vault": "vault", "replicate": "repeat", "repeat": "repeat", "date": "remark"},
     **dict.fromkeys(("note", "notes", "comment", "remark", "remarks"), "remark"),
 }
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+NAME = re.compile(r"[^\W\d_]\w{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>.+)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
 MOST_REPEATS = 10**9
