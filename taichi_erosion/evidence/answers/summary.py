@@ -386,7 +386,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
     The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully
-    crossed, one shows the trend of another.
+    crossed, one shows the trend of another. What is left about a line says how far rows scatter.
     """
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
@@ -399,10 +399,14 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
                 named.append((measured.name, name))
                 powers = (np.where(rows_of, axis(values) ** k, 0.0) for k in range(1, POWERS + 1))
                 columns += map(race.prepared.white, powers)
-    along, gram = linear.posterior_at(u).against(np.reshape(columns, (-1, rows.size)).T)
+    now = linear.posterior_at(u)
+    along, gram = now.against(np.reshape(columns, (-1, rows.size)).T)
     alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], 0.0
+    sure = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
+    rest, free = sure + float(now.precision[0] @ linear.y), sure + rows.size - bare.v.size - 1
     while remaining:
         z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)
+        z /= np.sqrt(np.maximum((rest - z**2) / max(free, sure), 1.0))
         k = max(remaining, key=lambda k: abs(z[POWERS * k]))
         # an adjusted p is no smaller than those before it
         least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[POWERS * k]))) * len(remaining)))
@@ -412,6 +416,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
         for j in range(POWERS * k, POWERS * (k + 1)):
             if gram[j, j] > 1e-6 * alone[j]:
                 share = gram[j] / gram[j, j]
+                rest, free = rest - along[j] ** 2 / gram[j, j], free - 1
                 along, gram = along - share * along[j], gram - np.outer(share, gram[j])
 
 

@@ -5,7 +5,7 @@ They are the whole input of the statistics; `evidence/record.py` holds the outpu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +42,6 @@ def pick_rows(columns: Mapping[str, Any], chosen: Integers | Bools) -> dict[str,
         return {name: pick(each) for name, each in column.items()} if isinstance(column, Mapping) else column
 
     return {name: pick(column) for name, column in columns.items()}
-
-
-Record = TypeVar("Record")
-
-
-def with_stated(record: Record, **values: Any) -> Record:
-    """The record with those values that are stated; None keeps its own."""
-    return replace(record, **{name: value for name, value in values.items() if value is not None})  # type: ignore[type-var]
 
 
 class Model(Protocol):

@@ -26,7 +26,6 @@ from taichi_erosion.evidence.data.problem import (
     Numbers,
     Parameter,
     row_count,
-    with_stated,
 )
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.execution.checks import EffectFiles, read_scene, scene_effect_files
@@ -275,7 +274,8 @@ def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mappi
     """An effect with the prior of its file, if there is one; the study overrides it."""
     effect = effects.get(name)
     candidate = Candidate(name, effect.prior_scale, effect.most) if effect else Candidate(name)
-    return with_stated(candidate, prior_scale=entry.prior_scale, maximum=entry.max)
+    said = {"prior_scale": entry.prior_scale, "maximum": entry.max}
+    return replace(candidate, **{name: value for name, value in said.items() if value is not None})
 
 
 def uncertain_parameters(

@@ -184,12 +184,13 @@ class Race:
     def fit_at_scales(
         self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False
     ) -> Fit:
-        """The evidence of an expansion; scales from `start`, and with `fresh` from their priors too."""
+        """The evidence of an expansion; scales from `start`, with `fresh` from priors and large ones too."""
         rows, extra = self.linear(at)
-        solution = evidence(rows, rows.scales.start if start is None else start, steps)
-        if fresh:
-            other = evidence(rows, rows.scales.start, steps)
-            solution = max(solution, other, key=lambda each: each.log_evidence)
+        starts = [rows.scales.start if start is None else start]
+        if fresh:  # a large scatter is an optimum too, where rows share their errors
+            shared = np.isin(rows.scales.names, ("source", "preparation", "group"))
+            starts += [rows.scales.start + size * shared for size in (0.0, 3.0)]
+        solution = max((evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**settings, evidence=replace(solution, log_evidence=solution.log_evidence + extra))
 

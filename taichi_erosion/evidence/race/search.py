@@ -83,10 +83,9 @@ def add_unlisted(race: Race, parent: Fit) -> None:
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
-            settings = {"hypothesis": hypothesis, "log_prior": log_prior(race, hypothesis)}
-            race.store(
-                race.gauss_newton(race.fit_at_scales(replace(parent, **settings, blocks=blocks), 10), 2)
-            )
+            price = log_prior(race, hypothesis)
+            start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
+            race.store(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), 2))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:

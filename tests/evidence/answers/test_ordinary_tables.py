@@ -289,3 +289,26 @@ def test_an_answer_speaks_of_a_column_in_the_script_of_its_owner(tmp_path, headi
     study = study_of(tmp_path, "", table, sd={"threshold_u_star": "2 %"})
     assert set(study.file.conditions) == {"diameter", heading.lower().replace(" ", "_")}
     assert heading.lower() in " ".join(answer(study).answer().lines)
+
+
+WET = [33.0, 32.8, 35.6, 32.9, 35.5, 35.7, 35.7, 35.8]  # of a repose angle that BL reads 2.7 deg higher
+DRY = ["AK;0", "AK;0.1", "BL;0.2", "AK;0.2", "BL;0.3", "BL;0.4", "BL;0.5", "BL;0.6"]
+
+
+def test_what_an_operator_reads_higher_is_no_bridge_where_both_measured_one_moisture(tmp_path):
+    shift = np.random.default_rng(2).normal(0.0, 0.25, (3, 8))
+    rows = [f"{at};{a + e:.1f};0.6;5" for each in shift for at, a, e in zip(DRY, WET, each, strict=True)]
+    table = "\n".join(["operator;moisture (%);angle of repose (deg);SD;n", *rows, ""])
+    record = answer(study_of(tmp_path, "", table)).record
+    assert (record.named, record.group) == ((), ())
+    (level,) = [each for each in record.errors if each.kind == "source"]
+    assert level.value == pytest.approx(2.7, abs=0.4)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_preparations_that_differ_more_than_repeats_are_no_trend_along_a_condition(tmp_path, seed):
+    angles = np.random.default_rng(seed).normal(37.0, 1.0, (3, 5))
+    moistures = [0, 0.5, 1, 2, 4]
+    rows = [f"{4 * 2**k};{m};{angles[k, j]:.1f};0.9;4" for k in range(3) for j, m in enumerate(moistures)]
+    study = study_of(tmp_path, "", "\n".join(["d (mm);moisture (%);angle of repose (°);SD;n", *rows, ""]))
+    assert not any(each.p < 0.01 for each in ask("compare", study.path).record.where)
