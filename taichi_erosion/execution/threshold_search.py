@@ -145,12 +145,12 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
 def carry_off(sim: Simulation, replica: int, search: ThresholdSearch) -> None:
     """Lift grains that have left the bed high into the air, at its speed, before they land on others."""
     assert search.scene.wind is not None
-    (gone,) = np.nonzero(search.trial.risen)
-    place, height = search.trial.last[gone, 2], search.scene.wind.height
+    (risen,) = np.nonzero(search.trial.risen)
+    place, height = search.trial.last[risen, 2], search.scene.wind.height
     if not (place < LANDING * height).any():
         return
     bed, air = export_bed(sim, replica), air_profile(sim, replica)
-    rows, heights = np.argsort(bed["ident"])[gone], height * np.linspace(*ALOFT, len(gone))
+    rows, heights = np.argsort(bed["ident"])[risen], height * np.linspace(*ALOFT, len(risen))
     speed = np.interp(heights, 0.5 * (air.face[1:] + air.face[:-1]), air.velocity[:, 0])
     bed["origin"][rows, 2] += heights - place
     bed["velocity"][rows] = np.outer(speed, [1.0, 0.0, 0.0])

@@ -186,7 +186,7 @@ def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int
         return (turned + middle + np.array(corner)).round(2).tolist()
 
     covered = np.flatnonzero(detection.outline.height > 0.0)
-    drawn = covered[:: max(1, covered.size // DRAWN_POINTS)]
+    chosen = covered[:: max(1, covered.size // DRAWN_POINTS)]
     lines = {}
     for name, side, flank in zip(("left", "right"), (-1.0, 1.0), detection.flanks, strict=True):
         if flank is not None:
@@ -194,7 +194,7 @@ def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int
                 [(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)]
             )
     width = detection.body.shape[1]
-    outline = np.column_stack([axis + position[drawn], base - detection.outline.height[drawn]])
+    outline = np.column_stack([axis + position[chosen], base - detection.outline.height[chosen]])
     return {"outline": image_points(outline), "base": image_points([(0.0, base), (width, base)])} | lines
 
 

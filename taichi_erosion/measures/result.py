@@ -75,7 +75,7 @@ def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
     for lack in (lack for repeat in repeats for lack in repeat.shortfalls):
         by_flag.setdefault(lack.flag, []).append(lack)
     common = [alike for alike in by_flag.values() if 2 * len(alike) >= len(repeats)]
-    return tuple(sorted(found, key=lambda lack: lack.found)[(len(found) - 1) // 2] for found in common)
+    return tuple(sorted(each, key=lambda lack: lack.found)[(len(each) - 1) // 2] for each in common)
 
 
 def as_record(measurement: Measurement) -> dict[str, Any]:

@@ -140,14 +140,14 @@ def with_limits(table: Table, interview: Interview) -> Table:
     It is the least limit that the table states, else the least amount: what is less may not have been seen.
     """
     for name in AMOUNTS:
-        own = [row for row in table.rows if row.observable == name and not row.value < 0.0]
-        unseen = list(dict.fromkeys(row.line for row in own if is_unseen(row)))
-        limits = [row for row in own if row.censored and row.reach == -inf and row.value > 0.0]
-        seen = limits or [row for row in own if row.value > 0.0]
-        if not unseen or not seen:
+        rows_of_name = [row for row in table.rows if row.observable == name and not row.value < 0.0]
+        unseen = list(dict.fromkeys(row.line for row in rows_of_name if is_unseen(row)))
+        limits = [row for row in rows_of_name if row.censored and row.reach == -inf and row.value > 0.0]
+        above_zero = limits or [row for row in rows_of_name if row.value > 0.0]
+        if not unseen or not above_zero:
             continue
-        unit = seen[0].unit
-        limit = min(unit_factor(row, unit, table.file) * row.value for row in seen)
+        unit = above_zero[0].unit
+        limit = min(unit_factor(row, unit, table.file) * row.value for row in above_zero)
         source = "the least limit of the table" if limits else "the least value that was seen"
         interview.assume(
             f"{name}: 0 and no transport are read as '<{cell_text(limit)}' {unit}, {source}, in "
@@ -240,18 +240,18 @@ def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -
 
 def column_scale(table: Table, column: str, place: str | None) -> Scale:
     """Scale of a condition from its unit in the table to that of the place it sets; None: SI."""
-    written = table.units[table.conditions.index(column)]
-    if written is None:
+    unit = table.units[table.conditions.index(column)]
+    if unit is None:
         return Scale(place or "")
     try:
-        target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(written).kind)
+        target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(unit).kind)
     except UnknownUnit:
         message = f"sets what is counted in {place}, not a number"
         raise BadInput(f"{table.file}: column '{column}' {message}") from None
-    scale = scale_between(written, target)
+    scale = scale_between(unit, target)
     if scale is None:
         message = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
-        raise BadInput(f"{table.file}: heading '{column} [{written}]': {message}; give it in that unit")
+        raise BadInput(f"{table.file}: heading '{column} [{unit}]': {message}; give it in that unit")
     return scale
 
 
@@ -292,8 +292,8 @@ def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Sca
     """Scale of every observable, from the unit that most of its rows have to that of the model."""
     scales = {}
     for name, unit in units.items():
-        written = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        scales[name] = Scale(written, conversion(parse_unit(written), parse_unit(unit)) or 1.0)
+        common_unit = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
+        scales[name] = Scale(common_unit, conversion(parse_unit(common_unit), parse_unit(unit)) or 1.0)
     return scales
 
 
@@ -364,12 +364,12 @@ def column_faults(
         wrong = odd
     hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else ""
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
-        stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
+        text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"
         outside = "which is unusual" if allowed.possible(used) else span
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
-        message = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
+        message = f"{name} = {text}{also}, {outside}{more}; check number and unit{hint}"
         yield f"{table.file}: row {row.line}, {message}"
 
 
