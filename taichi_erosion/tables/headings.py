@@ -278,24 +278,24 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
     if whole is not None:
         return whole, ""  # pyright: ignore[reportReturnType]
-    length, kind, meant = longest_word(heading, *KINDS)
+    length, kind, meaning = longest_word(heading, *KINDS)
     scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
     if scatter is not None and left_words(heading):
         if kind == "conditions":
-            return ("condition_sd", meant) if scatter == "sd" else ("remark", "")
+            return ("condition_sd", meaning) if scatter == "sd" else ("remark", "")
         return scatter, ""
     other, _, role = longest_word(heading, "roles")
     if longest_word(heading, "others")[0] > max(length, other) or of_another(heading):
         return "unknown", ""
     if other and (not length or (role in SCATTER and other > length)):
         return role, ""  # pyright: ignore[reportReturnType]
-    return KINDS.get(kind, "unknown"), meant
+    return KINDS.get(kind, "unknown"), meaning
 
 
 def left_words(heading: str) -> str:
     """Words of a heading beside those of the quantity that it means."""
-    plain, (_, kind, meant) = plain_words(heading), longest_word(heading, *KINDS)
-    words = (*vocabulary()[kind][meant], plain_words(meant.rpartition(".")[2])) if kind else ()
+    plain, (_, kind, meaning) = plain_words(heading), longest_word(heading, *KINDS)
+    words = (*vocabulary()[kind][meaning], plain_words(meaning.rpartition(".")[2])) if kind else ()
     for word in sorted((word for word in words if word in plain), key=len, reverse=True):
         plain = re.sub(occurrence(word), " ", plain)
     return " ".join(plain.split())
@@ -309,11 +309,11 @@ def of_another(heading: str) -> bool:
 
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
-    remainder, meant = left_words(heading.name), longest_word(heading.name, *KINDS)[2]
-    for word in (*vocabulary()["laws"].get(heading.law, ()), *vocabulary()["again"].get(meant, ())):
+    remainder, meaning = left_words(heading.name), longest_word(heading.name, *KINDS)[2]
+    for word in (*vocabulary()["laws"].get(heading.law, ()), *vocabulary()["again"].get(meaning, ())):
         remainder = re.sub(occurrence(word), " ", remainder)
-    scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meant, "everywhere")]
-    scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
+    scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meaning, "everywhere")]
+    scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meaning in places]
     changed = [word for words in scopes for word in words if found_length(word, remainder)]
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
     if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:

@@ -213,7 +213,7 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
         # a cell merged over rows below the heading counts in each of them, unless it is a measured quantity
         heading = next((k for k, row in rows if sum(v not in (None, "") for v in row) > 1), 0)
-        for column, first, _, last in (merged.bounds for merged in sheet.merged_cells.ranges):
+        for column, first, _, last in (part.bounds for part in sheet.merged_cells.ranges):
             above = [str(v) for v in rows[heading - 1][1][:column] if v not in (None, "")] if heading else []
             measured = bool(above) and meaning_of(read_heading(above[-1]).name)[0] == "observable"
             for _, row in () if measured or first <= heading else rows[first:last]:
@@ -262,10 +262,10 @@ def with_one_heading(rows: Lines) -> Lines:
     numbers = any(has_digit([cell]) and is_quantity(cell) for cell in filled)
     if len(above) < len(filled) == filled_width(below) and not units and not numbers:
         return with_one_heading(rows[1:])  # above all headings stands a remark with a separator in it
-    merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
-    if merged and filled == [str(k + 1) for k in range(len(filled))]:
+    has_merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
+    if has_merged and filled == [str(k + 1) for k in range(len(filled))]:
         return [(line, above), *others]  # numbers of repeats
-    if len(filled) < 2 or numbers or not (units or merged):
+    if len(filled) < 2 or numbers or not (units or has_merged):
         return rows
     headings, last = list[str](), ""
     for text, under in zip_longest(above, below, fillvalue=""):

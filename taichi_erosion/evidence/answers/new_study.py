@@ -177,8 +177,8 @@ def with_measured(numbers: Sequence[CalibratedNumber], name: str, text: str) -> 
     if not matches or matches != inside or not cell.sd > 0.0 or cell.unit:
         ranges = ", ".join(f"{each.path} ({each.low:g} to {each.high:g})" for each in numbers)
         raise BadInput(f"--measured {name}={text}: write NUMBER=0.5 ± 0.05, for one of {ranges}")
-    told = {"start": cell.value, "sd_log": cell.sd / cell.value, "why": "as measured"}
-    return [replace(each, **told) if each in matches else each for each in numbers]
+    prior = {"start": cell.value, "sd_log": cell.sd / cell.value, "why": "as measured"}
+    return [replace(each, **prior) if each in matches else each for each in numbers]
 
 
 def refuse_unused(request: StudyRequest) -> None:
@@ -186,12 +186,12 @@ def refuse_unused(request: StudyRequest) -> None:
     wishes, places = request.wishes, request.places.values()
     ready = {"--apparatus": (wishes.apparatus, ""), "--grains": (wishes.grains, "")}
     grains = {"--diameter": (wishes.diameter, DIAMETER), "--density": (wishes.density, GRAIN_DENSITY)}
-    for option, (said, place) in (ready | grains).items():
+    for option, (value, place) in (ready | grains).items():
         closed = wishes.closed_form and option in ready
-        if said is not None and (closed or wishes.scene is not None):
+        if value is not None and (closed or wishes.scene is not None):
             other = "--closed-form" if closed else "--scene"
             raise BadInput(f"{option}: has no use with {other}; leave it out")
-        if said is not None and place in places:
+        if value is not None and place in places:
             raise BadInput(f"{option}: a column of {request.table.file} states it; leave it out")
 
 
@@ -274,18 +274,18 @@ def with_grains(request: StudyRequest) -> StudyRequest:
     wishes, table, places = request.wishes, request.table, dict(request.places)
     reads = {"threshold_u_star", "flux"} & {*request.names} or "conditions.width" in places.values()
     usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
-    said = wishes.diameter
-    if said is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
+    diameter = wishes.diameter
+    if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for heading in (column.heading for column in table.columns if column.unread):
             if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")
         meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-        said = request.interview.choice("Grain diameter with its unit", usual, meaning)
-    stated = (("diameter", said, DIAMETER, "m", usual),)
-    stated += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
-    for name, text, place, unit, example in stated:
+        diameter = request.interview.choice("Grain diameter with its unit", usual, meaning)
+    entries = (("diameter", diameter, DIAMETER, "m", usual),)
+    entries += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
+    for name, text, place, unit, example in entries:
         if text is not None:
             value = stated_of_grains(f"--{name}", text, place, unit, example)
             value, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
@@ -311,8 +311,8 @@ def scene_content(request: StudyRequest) -> Content:
         for name, place in request.places.items():
             paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
-        stated = {place for paths in conditions.values() for place in paths.split(", ")}
-        parameters |= {number.path: number for number in template.parameters if number.path not in stated}
+        places = {place for paths in conditions.values() for place in paths.split(", ")}
+        parameters |= {number.path: number for number in template.parameters if number.path not in places}
         if template.wind and FRICTION_VELOCITY not in request.places.values():
             request.interview.assume("no column states the friction velocity: the wind is that of the scene")
     return Content(observables, conditions, list(parameters.values()), scenes)
@@ -325,10 +325,10 @@ def apparatus_of_all(request: StudyRequest) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = {}
     for name in request.names:
         groups.setdefault(apparatus_of(name, request), []).append(name)
-    if (wanted := request.wishes.apparatus) not in (None, *groups):
+    if (choice := request.wishes.apparatus) not in (None, *groups):
         others = dict.fromkeys(key for name in request.names for key in templates_for(name))
-        told = f"measures none of {', '.join(request.names)}; name one of {', '.join(others)}"
-        raise BadInput(f"--apparatus {wanted}: {told}, or the column (--observable COLUMN=NAME)")
+        complaint = f"measures none of {', '.join(request.names)}; name one of {', '.join(others)}"
+        raise BadInput(f"--apparatus {choice}: {complaint}, or the column (--observable COLUMN=NAME)")
     return groups
 
 
@@ -358,9 +358,9 @@ def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
     diameters, density = grain_diameters(request, template), None
     if request.wishes.density is not None:
         density = stated_of_grains("--density", request.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
-    own = [row for row in request.table.rows if row.observable in names and isfinite(row.value)]
-    scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
-    angles = [scale.to_use(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
+    used = [row for row in request.table.rows if row.observable in names and isfinite(row.value)]
+    scales = [scale_between(row.unit, parse_unit("deg")) for row in used]
+    angles = [scale.to_use(row.value) for row, scale in zip(used, scales, strict=True) if scale is not None]
     safe = safe_grains(template, angles)
     grains = request.wishes.grains or safe
     if template.rows and grains < safe:
@@ -379,9 +379,9 @@ def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
 
 def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
     """Diameters of the grains in a scene [m]: those of the table, else as the user says, else as usual."""
-    said, interview = request.wishes.diameter, request.interview
+    diameter, interview = request.wishes.diameter, request.interview
     if not template.varies:
-        if said is not None:
+        if diameter is not None:
             raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
         interview.assume(f"grain sizes and apparatus are those of the program's scene of {template.words}")
         return [template.diameter]
@@ -391,8 +391,8 @@ def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
         if scale is not None and values:
             return [scale.to_use(each) for each in values]
     usual = f"{1e3 * template.diameter:g} mm"
-    told = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-    answer = said or interview.choice("Grain diameter with its unit", usual, told)
+    assumption = f"no column states the grain diameter: {usual} is assumed (--diameter)"
+    answer = diameter or interview.choice("Grain diameter with its unit", usual, assumption)
     return [stated_of_grains("--diameter", answer, DIAMETER, "m", usual)]
 
 
@@ -422,10 +422,10 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
     effects = load_library(read_effect_files(wishes.effects)).values()
     ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
     optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
-    for text, said in said_of.conditions.items():
-        unit = unit_in(said)
-        if unit is None or unit_of_path(said) is not None or said == NOT_USED:
-            conditions[text] = said
+    for text, place in said_of.conditions.items():
+        unit = unit_in(place)
+        if unit is None or unit_of_path(place) is not None or place == NOT_USED:
+            conditions[text] = place
             continue
         conditions[text] = CONDITION + own_name(read_heading(text).name, (), 0)
         own_conditions.setdefault(conditions[text], unit)
@@ -447,15 +447,17 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
 
 def undeclared_conditions(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    own = {path: unit for path, unit in request.table_options.own_units.items() if unit_of_path(path) is None}
-    own |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
-    return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
+    units = {
+        path: unit for path, unit in request.table_options.own_units.items() if unit_of_path(path) is None
+    }
+    units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
+    return {path.removeprefix(CONDITION): unit for path, unit in units.items()}
 
 
 def own_template(file: Path, request: StudyRequest) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    if lost := (own := undeclared_conditions(request)).keys() - declared_units(file).keys():
-        unit = own[name := min(lost)]
+    if lost := (undeclared := undeclared_conditions(request)).keys() - declared_units(file).keys():
+        unit = undeclared[name := min(lost)]
         entry = f'[conditions.extra] {key_text(name)} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())

@@ -105,7 +105,7 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
             raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
     if earlier is None and (there := [path for path in paths if path.exists()]):
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
-    rows, changes = list[Drawn](row.drawn for row in files.rows.rows), {}
+    rows, changes = list[Drawn](row.draw for row in files.rows.rows), {}
     if earlier is not None:
         rows, changes = carried_over(earlier, read_table(files.table, files.table.name), files.rows)
     with all_or_none(paths):
@@ -163,7 +163,7 @@ def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
     """Write the tidy table, with what became of every row when rows were drawn for the vault."""
     import pandas as pd
 
-    rows = tuple(replace(row, drawn=was) for row, was in zip(files.rows.rows, drawn, strict=True))
+    rows = tuple(replace(row, draw=was) for row, was in zip(files.rows.rows, drawn, strict=True))
     cells = pd.DataFrame(tidy_fields(replace(files.rows, rows=rows)))
     write_atomic(files.table, cells.to_csv(index=False, lineterminator="\n").encode())
 

@@ -225,7 +225,7 @@ def study_measurements(
             for name, scale in scales.items()
             if any(row.condition_sd.get(name) for row in rows)
         },
-        drawn=tuple(row.drawn for row in rows),
+        drawn=tuple(row.draw for row in rows),
         heap=heaps_of(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )

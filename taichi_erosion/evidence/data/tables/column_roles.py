@@ -63,7 +63,7 @@ class Column:
     role: Role
     name: str = ""  # of an observable; of a condition, or of one whose sd stands here, the place that it sets
     title: str = ""  # of a condition, by which rows and studies call it
-    sure: bool = True  # False: a guess from the cells
+    firm: bool = True  # False: a guess from the cells
     numeric: bool = True
     of: int = -1  # place of the observable whose scatter or repeats stand here; -1: of every one
     near: str = ""  # what an unknown heading may mean: misspelt, or with several readings
@@ -105,9 +105,9 @@ def column_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list
     columns = [with_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
-        if not column.sure and column.numeric and (alone := lone_angle(column.heading)):
+        if not column.firm and column.numeric and (alone := lone_angle(column.heading)):
             words = {"role": "observable", "name": alone, "near": "", "unclear": column.heading.name}
-            columns[place] = replace(column, sure=True, **words)
+            columns[place] = replace(column, firm=True, **words)
     roles, plain = [], {column.name for column in columns}
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
@@ -115,7 +115,7 @@ def column_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list
         wrong = list(unit_faults(cells, column))
         faults += wrong
         column = replace(column, title=options.titles.get(column.name) or tidy_name(column.name))
-        roles.append(replace(column, role="remark", sure=True) if wrong else column)
+        roles.append(replace(column, role="remark", firm=True) if wrong else column)
     return roles
 
 
@@ -134,23 +134,23 @@ def in_unit(column: Column, unit: str) -> Column:
 
 def heading_faults(cells: Cells) -> Iterator[str]:
     """Headings that are missing above numbers, or stand twice."""
-    seen: dict[str, int] = {}
+    first: dict[str, int] = {}
     for place, text in enumerate(cells.heading):
         where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
         if not text and any(row[place] for _, row in cells.lines):
             yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
-        elif text in seen and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
-            yield f"{where}: heading '{text}' stands in column {seen[text] + 1} too; give each its own name"
+        elif text in first and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
+            yield f"{where}: heading '{text}' stands in column {first[text] + 1} too; give each its own name"
         if text:
-            seen.setdefault(text, place)
+            first.setdefault(text, place)
 
 
 def stated_names(cells: Cells, options: TableOptions, faults: list[str]) -> dict[int, tuple[Role, str]]:
     """What the user says, by place; a column that is not there is a fault unless it may be missing."""
     name_of: dict[int, tuple[Role, str]] = {}
-    stated: tuple[tuple[Role, Mapping[str, str]], ...]
-    stated = (("observable", options.observables), ("condition", options.conditions), ("unit", options.units))
-    for role, names in stated:
+    pairs: tuple[tuple[Role, Mapping[str, str]], ...]
+    pairs = (("observable", options.observables), ("condition", options.conditions), ("unit", options.units))
+    for role, names in pairs:
         for text, name in names.items():
             itself, repeats = called_columns(cells, text)
             for place in () if role == "unit" else itself or repeats:
@@ -180,36 +180,36 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
-        known = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
-        return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
+        fixed = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
+        return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
     height = wind_height(heading, name)
     if not isnan(height):
-        return Column(place, heading, "remark", sure=False, height=height)
+        return Column(place, heading, "remark", firm=False, height=height)
     changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
     if role == "unknown" or changed or (unclear and name in AIR):  # of a tyre, of an oven
         near = name if changed else "" if name in AIR else near_meaning(heading.name, not heading.unit)
-        return Column(place, heading, "remark", sure=False, near=near, changed=changed)
+        return Column(place, heading, "remark", firm=False, near=near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
-    return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
+    return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
 
 
 def with_stated_sd(
     columns: list[Column], cells: Cells, options: TableOptions, faults: list[str]
 ) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
-    for text, said in options.sd.items():
+    for text, scatter in options.sd.items():
         places = {place for group in called_columns(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
         matches = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
-        where, wrong = f"{cells.file}: --sd {text}={said}", ""
+        where, wrong = f"{cells.file}: --sd {text}={scatter}", ""
         if not matches:
             wrong = "names no column of a measured quantity"
         elif any(each.role in ("sd", "se", "cv") and each.of in (matches[0].place, -1) for each in columns):
             wrong = "a column of the table states it; leave it out"
         faults.extend([f"{where}: {wrong}"] if wrong else [])
         for column in () if wrong else matches:
-            unit, share = column.heading.unit, said.strip().endswith("%") and column.heading.unit != "%"
-            value = stated_number(said, "1" if share else unit, where, f"0.8 {unit}' or '8 %")
+            unit, share = column.heading.unit, scatter.strip().endswith("%") and column.heading.unit != "%"
+            value = stated_number(scatter, "1" if share else unit, where, f"0.8 {unit}' or '8 %")
             if value <= 0.0:
                 raise BadInput(f"{where}: must be above 0")
             columns[columns.index(column)] = replace(column, **{"cv" if share else "sd": value})
@@ -261,8 +261,8 @@ def roughness_length(text: str, height: float) -> float:
     """Roughness length [m] as the user states it, `0.03 mm`; raises BadInput."""
     value = stated_number(text, "m", "roughness length", "0.03 mm")
     if not 0.0 < value < LOWEST_WIND * height:
-        told = f"must lie above 0 and below a tenth of the height of the wind, {height:g} m"
-        raise BadInput(f"roughness length '{text}': {told}")
+        limits = f"must lie above 0 and below a tenth of the height of the wind, {height:g} m"
+        raise BadInput(f"roughness length '{text}': {limits}")
     return value
 
 

@@ -109,7 +109,7 @@ class Reading:
     def fault(self, column: Column, words: str) -> Column:
         """The column, not used, once what is wrong with it is told."""
         self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
-        return replace(column, role="remark", sure=True)
+        return replace(column, role="remark", firm=True)
 
     def number(self, cell: str) -> CellNumber:
         """What a cell says; nothing where that is no number."""
@@ -120,8 +120,8 @@ class Reading:
 
     def numbers(self, column: Column) -> list[CellNumber]:
         """Cells of a column that hold a number."""
-        found = [self.number(row[column.place]) for _, row in self.cells.lines]
-        return [number for number in found if not isnan(number.value)]
+        numbers = [self.number(row[column.place]) for _, row in self.cells.lines]
+        return [number for number in numbers if not isnan(number.value)]
 
 
 def understand_columns(
@@ -143,10 +143,10 @@ def understand_columns(
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
     columns = list(with_partners(list(with_kinds(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
-        known = ", ".join(options.measures or options.observables)
+        names = ", ".join(options.measures or options.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
+            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {names or 'its own'}; "
             f"{CROSS_TABLE}"
         )
     columns = [with_right_unit(with_asked_unit(column, reading), reading) for column in columns]
@@ -159,9 +159,9 @@ def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     heights = [c for c in columns if is_height(c.heading) and len({n.value for n in reading.numbers(c)}) > 1]
     over = {c.name for c in columns if c.role in ("observable", "condition")} & {"flux", *WINDS}
     if len(winds) > 1 or (heights and (winds or over)):
-        told = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))
-        reading.faults.append(f"{reading.cells.file}: {told}: {PROFILE}")
-        columns = [replace(each, height=nan, sure=True) if each in winds else each for each in columns]
+        names = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))
+        reading.faults.append(f"{reading.cells.file}: {names}: {PROFILE}")
+        columns = [replace(each, height=nan, firm=True) if each in winds else each for each in columns]
     return columns
 
 
@@ -171,11 +171,11 @@ def settled_columns(columns: Sequence[Column], reading: Reading, measured: bool)
     reading = replace(reading, bed=next((c for c in columns if c.name == ROUGHNESS_LENGTH), None))
     for column in columns:
         name = plain_words(stem(column.heading.name))
-        if not column.sure and name in first:
+        if not column.firm and name in first:
             as_first = {key: getattr(first[name], key) for key in ("role", "name", "title", "unread")}
-            column = replace(column, **as_first, near="", sure=True)
+            column = replace(column, **as_first, near="", firm=True)
         settled_column = settle_column(column, reading, measured)
-        if column.numeric and not column.sure and name != plain_words(column.heading.name):
+        if column.numeric and not column.firm and name != plain_words(column.heading.name):
             first[name] = settled_column
         settled.append(settled_column)
     return settled
@@ -184,7 +184,7 @@ def settled_columns(columns: Sequence[Column], reading: Reading, measured: bool)
 def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
     """A column of which only a guess was known, as the user calls it."""
     interview, text = reading.interview, column.heading.text
-    if column.sure or not column.numeric:
+    if column.firm or not column.numeric:
         if column.factor == HALF:
             interview.assume(f"diameters of heaps are halved: {column.name} is a radius")
         if column.name in WINDS:
@@ -198,7 +198,7 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
         answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}")
         if answer not in SPREADS:
             raise BadInput(f"column '{text}': '{answer}' is not one of {', '.join(SPREADS)}")
-        return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), sure=True)
+        return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), firm=True)
     return settled_unknown(column, reading)
 
 
@@ -207,8 +207,8 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     text = column.heading.text
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
     hint = f" {changed}." if column.changed else f" '{column.near}' is near its heading." * bool(column.near)
-    kept = reading.options.reads is not None  # as a condition of its own, unless its cells speak against it
-    choice = f"{OWN} = a condition of your own" if kept else f"--condition '{column.heading.name}=UNIT'"
+    unread = reading.options.reads is not None  # as a condition of its own, unless its cells speak against it
+    choice = f"{OWN} = a condition of your own" if unread else f"--condition '{column.heading.name}=UNIT'"
     question = (
         f"Column '{text}' is not known.{hint} Type the name of a measured quantity (repose_angle, flux, "
         f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
@@ -218,31 +218,31 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
         answer = reading.interview.choice(question, "", "")
         if not answer:
             option = "condition" if "." in column.near else "observable"
-            said = f"say --{option} '{stem(column.heading.name)}={column.near}'"
+            advice = f"say --{option} '{stem(column.heading.name)}={column.near}'"
             if not reading.options.measures:  # a study says itself what there is
                 choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
-                said = f"head it '{choice}', or name it in [columns] of the study"
+                advice = f"head it '{choice}', or name it in [columns] of the study"
             why = f"did you mean {column.near}?"
             if column.changed:
                 remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
                 why = f"{changed}: {remedy}; if it is that,"
-            return reading.fault(column, f"{why} {said}; {UNUSED}")
+            return reading.fault(column, f"{why} {advice}; {UNUSED}")
     else:
-        meaning = "" if kept else f"column '{text}' is not used: its heading says nothing known"
-        answer = reading.interview.choice(question, OWN if kept else NOT_USED, meaning)
-    if kept and answer == OWN:
-        return replace(column, role="condition", unread=True, sure=True)
+        meaning = "" if unread else f"column '{text}' is not used: its heading says nothing known"
+        answer = reading.interview.choice(question, OWN if unread else NOT_USED, meaning)
+    if unread and answer == OWN:
+        return replace(column, role="condition", unread=True, firm=True)
     return name_column(column, answer)
 
 
 def name_column(column: Column, answer: str) -> Column:
     """A column as the user calls it."""
     if answer == NOT_USED:
-        return replace(column, sure=True)
+        return replace(column, firm=True)
     role, name = ("condition", answer) if "." in answer else meaning_of(answer)
     if role not in ("observable", "condition"):
         role, name = "observable", answer
-    return replace(column, role=role, name=name, title=tidy_name(name), sure=True)
+    return replace(column, role=role, name=name, title=tidy_name(name), firm=True)
 
 
 def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
@@ -261,7 +261,7 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
             "new`, --roughness '0.008 mm' (flat sand: grain diameter / 30), a column 'z0 [mm]', or one of u*",
         )
     if answer == NOT_USED:
-        return replace(column, sure=True)
+        return replace(column, firm=True)
     length = roughness_length(answer, height) if answer else nan
     reading.interview.assume(
         f"'{text}' becomes a friction velocity, u* = 0.4 U / ln(z / z0), with z = {height:g} m and the "
@@ -269,7 +269,7 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
     )
     threshold = "threshold" in meaning_of(column.heading.name)[1] or not measured
     role, name = ("observable", "threshold_u_star") if threshold else ("condition", FRICTION_VELOCITY)
-    column = replace(column, role=role, name=name, title=tidy_name(name), sure=True)
+    column = replace(column, role=role, name=name, title=tidy_name(name), firm=True)
     if bed and not answer:
         return replace(column, roughness=bed.place)
     return replace(column, factor=friction_factor(height, length))
@@ -277,16 +277,16 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
 
 def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns without what no scene measures or has, and without a second one for one condition."""
-    seen: dict[str, str] = {}
+    earlier: dict[str, str] = {}
     bent = [each for each in columns if each.role in ("observable", "condition") and each.heading.law]
     for column in columns:
         used = column.role in ("observable", "condition") and not column.unread
-        wrong = column_fault(column, seen, reading.options) if used else ""
-        own = [each for each in bent if each.role == "observable" or each.name == column.name]
-        if own and column.role in ("sd", "se", "cv", "condition_sd"):
-            wrong = f"its numbers turn with those of '{own[0].heading.text}': write them there, behind ±"
+        wrong = column_fault(column, earlier, reading.options) if used else ""
+        alike = [each for each in bent if each.role == "observable" or each.name == column.name]
+        if alike and column.role in ("sd", "se", "cv", "condition_sd"):
+            wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
         if used:
-            seen.setdefault(column.name, column.heading.text)
+            earlier.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
 
 
@@ -304,16 +304,16 @@ def column_fault(column: Column, seen: Mapping[str, str], options: TableOptions)
         return "" if column.name in options.measures else words
     if range_of(column) or column.name in options.own_units:
         return ""
-    own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
-    return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
+    no_place = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
+    return f"{no_place}; places: {', '.join(vocabulary()['conditions'])}"
 
 
 def with_right_unit(column: Column, reading: Reading) -> Column:
     """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
     heading, allowed = column.heading, range_of(column)
     unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
-    known = reading.options.measures and unit and heading.unit  # a study says itself what there is
-    if column.role not in ("observable", "condition") or not known:
+    fixed = reading.options.measures and unit and heading.unit  # a study says itself what there is
+    if column.role not in ("observable", "condition") or not fixed:
         return column
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
@@ -321,8 +321,8 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
         return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
     based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in SHARES and not based:
-        told = f"'{heading.text}' counts as a share of dry soil by mass"
-        reading.interview.assume(f"{told} ('wet basis' or 'volumetric' in the heading: otherwise)")
+        assumption = f"'{heading.text}' counts as a share of dry soil by mass"
+        reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
     return column
 
 
@@ -331,7 +331,7 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
 
     Which numbers are none, of the air too, `number_columns.py` tells; a column that the user names is one.
     """
-    reads, said = reading.options.reads, reading.options.conditions.values()
+    reads, names_of_user = reading.options.reads, reading.options.conditions.values()
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
@@ -345,9 +345,9 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     results += [np.mean(results, axis=0)]  # of repeats side by side
-    asked = {c.heading.text: values[c] for c in unread if c.name not in said}
-    why = no_conditions(asked, results, {c.heading.text: values[c] for c in others}, set_ups)
-    kept, names = list[Column](), [*RESERVED, *(c.title for c in others)]
+    cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
+    why = no_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups)
+    rest, names = list[Column](), [*RESERVED, *(c.title for c in others)]
     if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
     for column in columns:
@@ -361,8 +361,8 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
                 column = replace(column, name=CONDITION + name, title=name, unclear="")
             column = replace(column, unread=True)
             names.append(column.title)
-        kept.append(column)
-    return kept
+        rest.append(column)
+    return rest
 
 
 def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
@@ -384,9 +384,9 @@ def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
 
 def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
     """A column, not used where it is blank in some rows and no effect of scenes reads it."""
-    told = reading.options
-    named = told.fill_down or column.name in told.conditions.values() or column.role != "condition"
-    if named or column.name not in told.ignored or all(row[column.place] for row in rows):
+    options = reading.options
+    named = options.fill_down or column.name in options.conditions.values() or column.role != "condition"
+    if named or column.name not in options.ignored or all(row[column.place] for row in rows):
         return column
     reading.interview.assume(f"not used: '{column.heading.text}' (it is not known in every row)")
     return replace(column, role="remark")
@@ -421,9 +421,9 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
             if column.name == family[0].name and column not in family and sums_up:
                 means.add(column.place)
                 reading.interview.assume(f"column '{column.heading.text}' is not used: {BESIDE}")
-    found = [replace(column, is_repeat=column.place in repeats) for column in columns]
-    found = [replace(c, heading=replace(c.heading, repeats=0)) if c.place in numbered else c for c in found]
-    return [replace(c, role="remark", sure=True) if c.place in means else c for c in found]
+    result = [replace(column, is_repeat=column.place in repeats) for column in columns]
+    result = [replace(c, heading=replace(c.heading, repeats=0)) if c.place in numbered else c for c in result]
+    return [replace(c, role="remark", firm=True) if c.place in means else c for c in result]
 
 
 def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
@@ -467,8 +467,8 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
     if column.heading.unit:
         return column
     behind = next((number.unit for number in numbers if number.unit), "")
-    if written := behind or reading.options.own_units.get(column.name, ""):
-        return in_unit(column, written)
+    if unit := behind or reading.options.own_units.get(column.name, ""):
+        return in_unit(column, unit)
     return with_usual_unit(column, [number.value for number in numbers], reading)
 
 
@@ -490,10 +490,10 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
         return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
     units = ["UNIT"] if several else likely_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
-    likely = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
-    question = f"Unit of column '{text}' ({span}; {likely})"
+    hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
+    question = f"Unit of column '{text}' ({span}; {hint})"
     if answer := interview.choice(question, "", ""):
         return in_unit(column, answer)
     unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
-    unit_words += f", {likely}" * several
+    unit_words += f", {hint}" * several
     return reading.fault(column, unit_words) if units else column

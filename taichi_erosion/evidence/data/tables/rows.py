@@ -91,7 +91,7 @@ class Row:
     conditions: tuple[float, ...]  # as written, in the order of the table's conditions
     reach: float = -inf  # of a censored value: -inf below `value`, +inf above, h between value - h, value + h
     condition_sd: dict[str, float] = field(default_factory=dict)  # as written, of conditions that have one
-    drawn: Drawn = ""
+    draw: Drawn = ""
     repeat: str = ""  # name of the heap among those of its set-up and conditions
 
 
@@ -135,14 +135,14 @@ def tidy_columns(cells: Cells) -> list[Column]:
 
 def missing_columns(names: Sequence[str], file: str) -> Iterator[str]:
     """Columns of a tidy table that are missing, or seem to be there under another spelling."""
-    for wanted in (*REQUIRED, "sd", "n", "group", "source", "vault"):
+    for each in (*REQUIRED, "sd", "n", "group", "source", "vault"):
         others = [name for name in names if name not in ROLES]
-        if wanted in names:
+        if each in names:
             continue
-        if near := get_close_matches(wanted, others, n=1, cutoff=0.75):
-            yield f"{file}: column '{near[0]}' is unknown; did you mean '{wanted}'?"
-        elif wanted in REQUIRED:
-            yield f"{file}: column '{wanted}' is missing; there are: {', '.join(names)}"
+        if near := get_close_matches(each, others, n=1, cutoff=0.75):
+            yield f"{file}: column '{near[0]}' is unknown; did you mean '{each}'?"
+        elif each in REQUIRED:
+            yield f"{file}: column '{each}' is missing; there are: {', '.join(names)}"
 
 
 def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: str) -> Iterator[str]:
@@ -193,8 +193,8 @@ def with_all_conditions(
     lost = set[int]()
     for column in reader.of("condition", *(() if reader.tidy else ("group",))):
         cells = {line: row[column.place] for line, row in reader.cells.lines}
-        stated = {row.observable for row in rows if not is_missing(cells[row.line])}
-        blanks = {row.line: cells[row.line] for row in rows if row.observable in stated}
+        with_cell = {row.observable for row in rows if not is_missing(cells[row.line])}
+        blanks = {row.line: cells[row.line] for row in rows if row.observable in with_cell}
         bare = {line: cell for line, cell in blanks.items() if is_missing(cell)}
         where = f"column '{column.heading.text}'"
         if column.role == "condition" and names and column.title not in names:
@@ -263,13 +263,13 @@ class RowReader:
             *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
-            drawn=self.read_drawn(line, row),
+            draw=self.read_drawn(line, row),
             repeat=self.text(row, "repeat"),
         )
         for column in self.of("value" if self.tidy else "observable"):
-            found = self.read_measurement(line, row, column, shared)
-            if found is not None:
-                yield found
+            reading = self.read_measurement(line, row, column, shared)
+            if reading is not None:
+                yield reading
 
     def read_measurement(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
         """A row with its value, scatter and repeats; None where nothing was measured."""
@@ -311,11 +311,11 @@ class RowReader:
         self, line: int, row: Sequence[str], column: Column, single: bool = True, unit: str | None = None
     ) -> CellNumber:
         """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
-        own = column.heading.unit
+        unit_of_heading = column.heading.unit
         try:
             comma, middle = self.cells.decimal_comma, column.role == "condition"
             cell = read_cell(row[column.place], comma, single, middle)
-            scale = self.scale(cell.unit or own, own if unit is None else unit)
+            scale = self.scale(cell.unit or unit_of_heading, unit_of_heading if unit is None else unit)
         except CellFault as fault:
             self.fault(line, column, row, fault)
             return CellNumber()
@@ -438,7 +438,7 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
             value = f"{cell_text(row.value - row.reach)}..{cell_text(row.value + row.reach)}"
         first = (row.observable, value if isfinite(row.value) else "no transport", cell_text(row.sd))
         fields = dict(zip(("observable", "value", "sd"), first, strict=True))
-        fields |= {"n": str(row.n or ""), "unit": row.unit, "group": row.group, "vault": row.drawn}
+        fields |= {"n": str(row.n or ""), "unit": row.unit, "group": row.group, "vault": row.draw}
         fields |= dict(zip(names, map(cell_text, row.conditions), strict=True))
         fields |= {f"sd of {t}{units[n]}": cell_text(row.condition_sd.get(n, nan)) for n, t in errors.items()}
         cells.append(fields | ({"replicate": row.repeat} if repeats else {}) | {"source": row.source})
