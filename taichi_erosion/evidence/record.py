@@ -156,6 +156,7 @@ class PlacePart:
     axis: str  # condition, or "level"
     sign: int  # +1: measured above the model at the upper end
     p: float
+    p_as_stated: Number = nan  # if rows scatter about the trend as stated, and no more
 
 
 @dataclass(frozen=True)

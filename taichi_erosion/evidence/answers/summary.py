@@ -386,7 +386,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
     The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully
-    crossed, one shows the trend of another. What is left about a line says how far rows scatter.
+    crossed, one shows the trend of another. Rows scatter by what is left about a line, or as stated.
     """
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
@@ -401,17 +401,19 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
                 columns += map(race.prepared.white, powers)
     now = linear.posterior_at(u)
     along, gram = now.against(np.reshape(columns, (-1, rows.size)).T)
-    alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], 0.0
+    alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], np.zeros(2)
     sure = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
     rest, free = sure + float(now.precision[0] @ linear.y), sure + rows.size - bare.v.size - 1
     while remaining:
-        z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)
-        z /= np.sqrt(np.maximum((rest - z**2) / max(free, sure), 1.0))
+        length = np.sqrt(np.maximum(gram.diagonal(), 1e-12))
+        size = np.where(gram.diagonal() > 1e-6 * alone, along / length, 0.0)
+        z = size / np.sqrt(np.maximum((rest - size**2) / max(free, sure), 1.0))
         k = max(remaining, key=lambda k: abs(z[POWERS * k]))
         # an adjusted p is no smaller than those before it
-        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[POWERS * k]))) * len(remaining)))
-        observable, name = named[k]
-        yield parts.PlacePart(observable, name, 1 if z[POWERS * k] > 0.0 else -1, least)
+        chances = [2.0 * float(special.ndtr(-abs(each[POWERS * k]))) * len(remaining) for each in (z, size)]
+        least = np.maximum(least, np.minimum(chances, 1.0))
+        (observable, name), sign = named[k], 1 if z[POWERS * k] > 0.0 else -1
+        yield parts.PlacePart(observable, name, sign, float(least[0]), float(least[1]))
         remaining.remove(k)
         for j in range(POWERS * k, POWERS * (k + 1)):
             if gram[j, j] > 1e-6 * alone[j]:

@@ -92,6 +92,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     if not (record.p_misfit < ADEQUATE or part_words.failing(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
+        words = words if part_words.fails(record) else f"The calibrated model has a trend {part_words.UNEVEN}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
     places = "" if record.p_misfit < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
@@ -116,8 +117,12 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
 def sensitivity_table(record: Record) -> Table | None:
     """What depends on the priors; None where the answer rests on something else."""
     title = f"priors halved and doubled (probability of the answer): {part_words.sensitivity_text(record)}"
-    columns, rows = ("prior", "halved", "doubled"), tuple(part_words.sensitivity_rows(record))
-    return Table(title, columns, rows) if rows else None
+    rows = []
+    for prior, answers in record.sensitivity.items():
+        chances = (say.probability(part_words.chance(record, each)) for each in answers)
+        cells = map("{} ({})".format, map(part_words.acting_names, answers), chances)
+        rows.append((part_words.PRIORS[prior], *cells))
+    return Table(title, ("prior", "halved", "doubled"), tuple(rows)) if rows else None
 
 
 def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:

@@ -37,6 +37,7 @@ PRIORS = {  # that are halved and doubled
     "errors": "errors expected",
 }
 ONE_LESS = " minus one"  # of what a dose counts
+UNEVEN = "that the stated scatter would not make"  # and what rows scatter would
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
@@ -121,8 +122,13 @@ def improves(record: Record) -> bool:
 
 
 def agrees(record: Record) -> bool:
-    """Whether the calibrated model agrees with the fitted rows: as a whole, with repeats, in every place."""
-    return not (record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or failing(record))
+    """Whether it agrees as a whole, with repeats, in every place; a trend that scatter may make is open."""
+    return not (fails(record) or any(each.p_as_stated < ADEQUATE for each in record.where))
+
+
+def fails(record: Record) -> bool:
+    """Whether the calibrated model fails as a whole, against repeats, or in a place."""
+    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(failing(record))
 
 
 def agreement(record: Record) -> str:
@@ -214,13 +220,6 @@ def sensitivity_text(record: Record) -> str:
     return f"{usual} is told, {say.join_words(sentences)}" if sentences else "no name moves"
 
 
-def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
-    """What is told where a prior is halved and doubled, with the probability of the answer there."""
-    for prior, answers in record.sensitivity.items():
-        cells = (f"{acting_names(each)} ({say.probability(chance(record, each))})" for each in answers)
-        yield PRIORS[prior], *cells
-
-
 def chance(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
     firm, either = map(set, acting(decision))
@@ -300,12 +299,13 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     if record.refuted:
         return refusal(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
-    fails = not agrees(record)
-    least = np.nanmin([record.p_misfit, record.p_lack_of_fit, *(each.p for each in failing(record))])
-    state = f"fails on {rows_text(record)}" if fails else agreement(record)
-    state = f"the model {state} ({say.chance(float(least))})"
-    if leading == "none" and (not fails or (share >= SURE and not failing(record))):
-        common = " by errors of measurement" * fails
+    places, chances = failing(record), [record.p_misfit, record.p_lack_of_fit]
+    state = f"fails on {rows_text(record)}" if fails(record) else agreement(record)
+    if not (fails(record) or agrees(record)):
+        state, chances = f"has a trend {UNEVEN}", [each.p_as_stated for each in record.where]
+    state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
+    if leading == "none" and (agrees(record) or (share >= SURE and not places)):
+        common = " by errors of measurement" * (not agrees(record))
         none = f"probability that none acts: {say.probability(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"; a name needs {SURE:g}"

@@ -311,4 +311,6 @@ def test_preparations_that_differ_more_than_repeats_are_no_trend_along_a_conditi
     moistures = [0, 0.5, 1, 2, 4]
     rows = [f"{4 * 2**k};{m};{angles[k, j]:.1f};0.9;4" for k in range(3) for j, m in enumerate(moistures)]
     study = study_of(tmp_path, "", "\n".join(["d (mm);moisture (%);angle of repose (°);SD;n", *rows, ""]))
-    assert not any(each.p < 0.01 for each in ask("compare", study.path).record.where)
+    places = ask("compare", study.path).record.where
+    assert not any(each.p < 0.01 for each in places)
+    assert any(each.p_as_stated < each.p for each in places)

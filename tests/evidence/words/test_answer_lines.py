@@ -236,6 +236,14 @@ def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
     assert re.fullmatch("No effect is named.* fails .*, no missing effect, has probability 0.95.", first)
 
 
+def test_a_trend_that_the_stated_scatter_does_not_make_is_no_failure_and_no_agreement() -> None:
+    record = replace(null, where=(replace(WET, p=0.3, p_as_stated=1e-3),))
+    for answer in (compare_answer, discover_answer):
+        first = answer(record, VOC).lines[0]
+        assert "has a trend that the stated scatter would not make" in first
+        assert not re.search("agree|fails", first)
+
+
 @pytest.mark.parametrize(
     ("kind", "sd", "repeats", "factor", "words"),
     [
