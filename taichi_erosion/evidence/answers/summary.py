@@ -402,12 +402,12 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     now = linear.posterior_at(u)
     along, gram = now.against(np.reshape(columns, (-1, rows.size)).T)
     alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], np.zeros(2)
-    sure = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
-    rest, free = sure + float(now.precision[0] @ linear.y), sure + rows.size - bare.v.size - 1
+    freedom = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
+    rest, free = freedom + float(now.precision[0] @ linear.y), freedom + rows.size - bare.v.size - 1
     while remaining:
         length = np.sqrt(np.maximum(gram.diagonal(), 1e-12))
         size = np.where(gram.diagonal() > 1e-6 * alone, along / length, 0.0)
-        z = size / np.sqrt(np.maximum((rest - size**2) / max(free, sure), 1.0))
+        z = size / np.sqrt(np.maximum((rest - size**2) / max(free, freedom), 1.0))
         k = max(remaining, key=lambda k: abs(z[POWERS * k]))
         # an adjusted p is no smaller than those before it
         chances = [2.0 * float(special.ndtr(-abs(each[POWERS * k]))) * len(remaining) for each in (z, size)]

@@ -274,8 +274,8 @@ def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mappi
     """An effect with the prior of its file, if there is one; the study overrides it."""
     effect = effects.get(name)
     candidate = Candidate(name, effect.prior_scale, effect.most) if effect else Candidate(name)
-    said = {"prior_scale": entry.prior_scale, "maximum": entry.max}
-    return replace(candidate, **{name: value for name, value in said.items() if value is not None})
+    entries = {"prior_scale": entry.prior_scale, "maximum": entry.max}
+    return replace(candidate, **{name: value for name, value in entries.items() if value is not None})
 
 
 def uncertain_parameters(
