@@ -64,13 +64,13 @@ def enable_completion(session: Session) -> None:
     except ImportError:
         return
 
-    def complete(text: str, state: int) -> str | None:
+    def nth_completion(text: str, state: int) -> str | None:
         paths = sorted(path for path, _ in leaves(resolve(session.scene)))
         completions = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
         return completions[state] if state < len(completions) else None
 
     readline.set_completer_delims(" ")
-    readline.set_completer(complete)
+    readline.set_completer(nth_completion)
     readline.parse_and_bind("tab: complete")
 
 

@@ -93,7 +93,7 @@ def print_run(document: Record, verbose: bool = False) -> None:
     print_lines(warnings)
     if verbose:
         print_lines(words.run_notes(document), "note: ")
-        typer.echo(words.run_cost(document))
+        typer.echo(words.cost_and_origin(document))
     print_lines(words.next_steps(document))
 
 

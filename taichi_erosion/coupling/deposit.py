@@ -44,7 +44,7 @@ def layer_range(air: ti.template(), r, height, radius):
 
 
 @ti.func
-def share_along(air: ti.template(), r, axis: ti.template(), x, upper):
+def column_and_weight(air: ti.template(), r, axis: ti.template(), x, upper):
     """Index along x or y of one of the two columns around a coordinate [m], and its weight [1]."""
     place = (x - air.numbers.low[r][axis]) / air.numbers.width[r][axis] - 0.5
     base = ti.floor(place)
@@ -58,8 +58,8 @@ def column_share(air: ti.template(), r, position, corner):
     """Indices (i, j) of one of the columns around a grain, and its weight [1]."""
     column, share = ti.Vector([0, 0]), real(1.0)
     if ti.static(not air.is_column):
-        i, along = share_along(air, r, 0, position[0], corner // 2)
-        j, across = share_along(air, r, 1, position[1], corner % 2)
+        i, along = column_and_weight(air, r, 0, position[0], corner // 2)
+        j, across = column_and_weight(air, r, 1, position[1], corner % 2)
         column, share = ti.Vector([i, j]), along * across
     return column, share
 

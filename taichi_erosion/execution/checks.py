@@ -90,7 +90,7 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
     return files
 
 
-def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
+def idle_warnings(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
     if not files and not scene.effects and not any(scene.conditions.stated_values().values()):
         return []  # and the device is not imported
@@ -208,7 +208,7 @@ def check_scene(
             after = effective_scene(scene, library)
             device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
         limits = setup_report(scene)
-        limits["warnings"] += idle_entries(scene, named)
+        limits["warnings"] += idle_warnings(scene, named)
     document = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
     return document | {"effects": examined}
 

@@ -24,7 +24,7 @@ from taichi_erosion.execution.checkpoint import (
     changed_entries,
     restore_run,
 )
-from taichi_erosion.execution.checks import idle_entries, library_of, named_effects, read_scene, setup_report
+from taichi_erosion.execution.checks import idle_warnings, library_of, named_effects, read_scene, setup_report
 from taichi_erosion.execution.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -116,7 +116,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         for state in ensemble.states:
             state.measurements = result.apply_instruments(state.measurements, scene, library)
         document = scene_document(path, scene, ensemble, time.perf_counter() - started)
-        document["limits"]["warnings"] += idle_entries(scene, named)
+        document["limits"]["warnings"] += idle_warnings(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording(recorder, ensemble, first, properties)

@@ -223,7 +223,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
 def warnings_now(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
     scene = session.scene
-    return [*checks.setup_report(scene)["warnings"], *checks.idle_entries(scene, session.effect_files)]
+    return [*checks.setup_report(scene)["warnings"], *checks.idle_warnings(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:

@@ -128,12 +128,12 @@ def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RAT
     if tunnel.ratio is not None:
         return friction / tunnel.ratio
 
-    def excess(speed: float) -> float:
+    def speed_mismatch(speed: float) -> float:
         depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
         plate = friction / float(np.interp(speed, MAP_SPEED, ratio))
         return coles_speed(plate, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
 
-    return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
+    return scipy.optimize.root_scalar(speed_mismatch, bracket=(friction, FASTEST_TUNNEL)).root
 
 
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:

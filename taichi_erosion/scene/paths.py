@@ -91,7 +91,7 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
             yield "  a list, each entry a section with"
             yield from (f"  {line}" for line in entries)
         within = option.get("properties", {})
-        if (has_names := named_section(option)) is not None:
+        if (has_names := schema_of_names(option)) is not None:
             yield "  names of your own, each a section with"
             yield from (f"  {line}" for line in lines_below(schema, has_names))
         for name, entry in sorted(within.items(), key=lambda item: "const" not in item[1]):
@@ -101,7 +101,7 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
                 yield f"  {name}: {told_entry(entry)}".rstrip(": ")
 
 
-def named_section(node: dict[str, Any]) -> dict[str, Any] | None:
+def schema_of_names(node: dict[str, Any]) -> dict[str, Any] | None:
     """Schema of the sections of a table under names of the user's own; None where there are none."""
     tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
     return next((table for table in tables if isinstance(table, dict)), None)
@@ -169,7 +169,7 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
         elif branch is None:
             items = option.get("items", {})
             has_names = any("name" in each.get("properties", ()) for each in options(schema, items))
-            branch = items if has_names else named_section(option)
+            branch = items if has_names else schema_of_names(option)
         if isinstance(branch, dict):
             yield branch
 

@@ -103,7 +103,7 @@ def set_conductances(air: Air, share: float) -> None:
 
 
 @ti.func
-def outflow(air: ti.template(), r, i, j, k, axis: ti.template()):
+def low_face_flow(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Air that passes the low face of a cell [m3 s-1]."""
     width = air.numbers.width[r]
     area = width[0] * width[1]
@@ -118,7 +118,7 @@ def divergence(air: ti.template(), r, i, j, k):
     total = real(0.0)
     for axis in ti.static(range(3)):
         a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
-        total += outflow(air, r, i + a0, j + a1, k + a2, axis) - outflow(air, r, i, j, k, axis)
+        total += low_face_flow(air, r, i + a0, j + a1, k + a2, axis) - low_face_flow(air, r, i, j, k, axis)
     if ti.static(air.model.exchange):
         width = air.numbers.width[r]
         change = (air.void_fraction[r, i, j, k] - air.void_before[r, i, j, k]) / air.numbers.time_step[r]

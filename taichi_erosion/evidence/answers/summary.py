@@ -390,7 +390,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
-    u = bare.evidence.solution.scales_of(linear.scales)
+    u = bare.evidence.solution.scales_for(linear.scales)
     u[linear.blocks :] = 0.0  # of few rows a fitted scatter is too small by chance
     for measured, rows_of in race.prepared.by_observable():
         for name, values in rows.conditions.items():

@@ -140,7 +140,7 @@ class GaussianProcess:
         return float(self.width * self.amplitude[-1])
 
     def covariance(self, one: Points, other: Points) -> Floats:
-        parts = kernel_parts(one, other, self.reads)
+        parts = kernel_terms(one, other, self.reads)
         return parts[0] + np.tensordot(self.amplitude[:-1] ** 2, parts[1:], axes=1)
 
 
@@ -152,7 +152,7 @@ def rbf_kernel(one: Floats, other: Floats, length: float) -> Floats:
     return np.exp(-0.5 * square / length**2)
 
 
-def kernel_parts(one: Points, other: Points, reads: ActiveInputs) -> Floats:
+def kernel_terms(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare, part = reads.conditions[0], reads.numbers[0]
     bare_one, bare_other, x_one, x_other = one.c[:, bare], other.c[:, bare], one.x[:, part], other.x[:, part]
@@ -181,7 +181,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     centre = float(values.mean())
     width = max(float(values.std()), 1e-9 * abs(centre), 1e-300)
     standard = (values - centre) / width
-    parts = kernel_parts(training, training, reads)
+    parts = kernel_terms(training, training, reads)
     count = len(reads.conditions) - 1
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
@@ -265,7 +265,7 @@ class JointErrors:
 
     def smooth(self, one: Values, other: Values) -> Floats:
         """Prior covariance of values."""
-        parts = kernel_parts(one.points, other.points, self.processes[0].reads)
+        parts = kernel_terms(one.points, other.points, self.processes[0].reads)
         amplitude = np.array([part_amplitudes(process) for process in self.processes])
         total = np.zeros((one.place.size, other.place.size))
         for k, part in enumerate(parts):
@@ -319,7 +319,7 @@ def pair_correlations(
 ) -> Floats:
     """Most probable correlations of all parts and of the scatter of two processes, from runs of both."""
     runs = Points(*(each[first] for each in vars(one.training).values()))
-    parts = kernel_parts(runs, runs, one.reads)
+    parts = kernel_terms(runs, runs, one.reads)
     white, values = zip(
         *(whiten(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
     )

@@ -13,7 +13,7 @@ from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, room_left, run_requests
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.prepared_problem import prepare, usual_settings
+from taichi_erosion.evidence.models.prepared_problem import prepare, setting_count
 from taichi_erosion.tables.number_words import count_noun
 
 WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
@@ -90,7 +90,7 @@ def function_cost(study: Study, candidates: int) -> str:
     prepared = prepare(problem, problem.visible(), study.file.study.seed)
     rows, seeds = prepared.rows.size, prepared.seeds.fitting
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in prepared.axes])
-    settings, begin = usual_settings(len(problem.parameters), candidates), perf_counter()
+    settings, begin = setting_count(len(problem.parameters), candidates), perf_counter()
     prepared.predictor.compute(start, {}, seeds)
     seconds = settings * (perf_counter() - begin + SETTING)
     if seconds < WORTH_TELLING:

@@ -182,7 +182,7 @@ def draw_seeds(generator: np.random.Generator, count: int) -> Integers:
     return generator.integers(1, 2**31 - 1, size=count).astype(np.int64)
 
 
-def usual_settings(numbers: int, candidates: int) -> int:
+def setting_count(numbers: int, candidates: int) -> int:
     """Settings of the model that an answer usually takes (80 tables of doe/trials)."""
     return BARE + EACH * max(numbers, 1) * candidates
 
@@ -197,7 +197,7 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
         numbers = len(problem.parameters) + len(problem.adopted)
         share = float(np.nanmedian(variance[finite] / np.maximum(rows.variance[finite], UNKNOWN_NOISE)))
         settings = MOST_SETTINGS if problem.runs is None else problem.runs / max(rows.size, 1)
-        most = settings / usual_settings(numbers, len(problem.candidates))
+        most = settings / setting_count(numbers, len(problem.candidates))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
     return count, count * SCORING_FACTOR if noisy else 1
 

@@ -161,7 +161,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
     bare, singles = race.bare, race.sets(1)
     rows, _ = race.linear(bare)
-    u = best.evidence.solution.scales_of(rows.scales)
+    u = best.evidence.solution.scales_for(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).posterior_at(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
@@ -183,14 +183,14 @@ def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str,
             names = ERRORS if key == "errors" else (key,)
             sizes = {name: factor * getattr(priors, name) for name in names}
             odds = {name: p / (1.0 - p / factor + p) for name, p in sizes.items() if name in VARIED[:3]}
-            there = under(posterior, replace(priors, **sizes | odds))
+            there = posterior_under(posterior, replace(priors, **sizes | odds))
             varied = decide(there)
             if all(getattr(varied, part) == getattr(usual, part) for part in TOLD):
                 varied = replace(varied, **{part: getattr(decision, part) for part in TOLD})
             yield key, there, varied
 
 
-def under(posterior: Posterior, priors: Priors) -> Posterior:
+def posterior_under(posterior: Posterior, priors: Priors) -> Posterior:
     """The posterior under other priors; likely explanations are solved anew, about the same settings."""
     race, usual, scores = posterior.race, posterior.race.priors, []
     for hypothesis, fit in race.fits.items():

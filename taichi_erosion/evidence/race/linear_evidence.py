@@ -146,7 +146,7 @@ class LinearPosterior:
     products: Floats  # (scatters + 1, q, q), tau X^T K X tau of the rows of each
     log_likelihood: float
 
-    def scales_of(self, others: Scales) -> Floats:
+    def scales_for(self, others: Scales) -> Floats:
         """Scales of these names here; at their priors where there is none."""
         scales_by_name = dict(zip(self.rows.scales.names, self.u, strict=True))
         return np.array(

@@ -75,7 +75,7 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     first, last = comparison_lines(record, voc)
     errors = part_words.errors_line(record, voc, part_words.agrees(record))
     missing = first, errors, part_words.where_line(record)
-    holds = (part_words.scatter_line(record, voc), part_words.numbers_line(record, before=True))
+    holds = (part_words.scatter_line(record, voc), part_words.calibrated_line(record, before=True))
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
     following = (f"{first_step(record, 'compare', voc) or last}.",)
     return trim(Answer(missing, holds, following, table), record)
@@ -103,7 +103,7 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     firm, either = part_words.acting(record)
     names = part_words.acting_names(record) if firm or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
-    numbers = part_words.numbers_line(record, before=not names, without=names)
+    numbers = part_words.calibrated_line(record, before=not names, without=names)
     rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
     headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
@@ -169,7 +169,7 @@ def adoption(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[s
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
     rows = count_noun(vault.n, "held-out row")
     names = say.join_words(vault.adopted)
-    numbers = part_words.numbers_line
+    numbers = part_words.calibrated_line
     before, after = vault.chi2_per_row_before, vault.chi2_per_row_after
     change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
     way = "falls" if after < before else "rises"

@@ -166,7 +166,7 @@ def fit_line(record: Record, added: str) -> str:
     return f"{words} ({say.chance(record.p_misfit_after)}); 1 is chance.{rest}"
 
 
-def numbers_line(record: Record, before: bool, without: str = "") -> str:
+def calibrated_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, ends = [], []
     without = "" if record.p_misfit_after < ADEQUATE else without

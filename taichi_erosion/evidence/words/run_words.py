@@ -132,7 +132,7 @@ def consequences(document: Document) -> Iterator[str]:
         )
 
 
-def run_cost(document: Document) -> str:
+def cost_and_origin(document: Document) -> str:
     """`2 repeats in 8.5 s, 2.86e+06 grain-steps/s, scene 550ba494cbcb, seed 1`."""
     seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
     speed = document[f"{kind}_steps"] / seconds if seconds else 0.0

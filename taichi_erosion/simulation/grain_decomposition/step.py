@@ -91,7 +91,7 @@ def is_moving(world: ti.template(), coupling: ti.template(), buffers: ti.templat
 
 
 @ti.func
-def begin_step(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+def note_step(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """Note for the stage of motion what the end of the step changes."""
     buffers_out.moving[r] = ti.cast(is_stepping(world, coupling, buffers_out, r), ti.i32)
     buffers_out.step[r] = world.replicas.step[r]
@@ -129,7 +129,7 @@ def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers) -> Stages:
     """Stages of an ensemble; the same object for the same fields, since a kernel is compiled for it."""
     grains = world.grains.capacity
-    forces = ((is_stepping, evaluate_place, world.pairs.capacity), (always, begin_step, 1))
+    forces = ((is_stepping, evaluate_place, world.pairs.capacity), (always, note_step, 1))
     if world.walls.primitives:
         forces = (*forces, (is_stepping, evaluate_walls, grains))
     motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, end_step, 1)),)
