@@ -6,7 +6,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "taichi_erosion"
-DEVICE_DECORATORS = {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"}
 WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
 
 MOST_MEMBERS = 12  # of a struct that are listed one by one
@@ -39,7 +38,7 @@ def decorators(node: ast.FunctionDef | ast.ClassDef) -> set[str]:
 
 
 def is_device_function(function: ast.FunctionDef) -> bool:
-    return bool(decorators(function) & DEVICE_DECORATORS)
+    return bool(decorators(function) & {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"})
 
 
 def is_kernel(function: ast.FunctionDef) -> bool:

@@ -86,9 +86,7 @@ def silent_writes(function: ast.FunctionDef, signatures: dict[str, list[str]]) -
     aliases, own = aliases_of(function), own_variables(function)
     changed = [*written_places(function), *handed_over(function, signatures)]
     paths = {ast.unparse(expression): path_of(expression, aliases) for expression in changed}
-    return {
-        text for text, path in paths.items() if path and path[0] not in own and not path[0].endswith("_out")
-    }
+    return {t for t, p in paths.items() if p and p[0] not in own and not p[0].endswith("_out")}
 
 
 @each_file

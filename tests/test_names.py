@@ -16,7 +16,6 @@ PARTICIPLES = set(
 )
 ADVERBS = {"afresh", "again", "alone", "apart", "beside", "beyond", "elsewhere", "only", "there", "where"}
 NOUNS = {"bed", "feed", "seed", "speed"}  # that end like a participle
-VAGUE = {"found", "told", "own", "known", "stated", "asked"}
 BRIEF = 6  # lines in which a vague name is understood
 
 
@@ -31,7 +30,7 @@ def vague_names(function: ast.FunctionDef) -> Iterator[str]:
     lines: dict[str, list[int]] = {}
     for node in ast.walk(function):
         name = node.id if isinstance(node, ast.Name) else node.arg if isinstance(node, ast.arg) else None
-        if name in VAGUE:
+        if name in {"found", "told", "own", "known", "stated", "asked"}:
             lines.setdefault(name, []).append(node.lineno)
     yield from (name for name, at in lines.items() if max(at) - min(at) >= BRIEF)
 

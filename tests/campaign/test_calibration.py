@@ -23,13 +23,12 @@ from taichi_erosion.report.calibration_page import publish, write_recording
 from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg
-STIFFNESS = "materials.soil.shear_modulus"
 STUDY = {
     "study": {"seed": 5},
     "observables": {"repose_angle": {"scene": "few.toml"}},
     "targets": {"repose_angle": {"value": TARGET, "sd": 0.5, "n": 10, "unit": "deg"}},
     "parameters": {
-        STIFFNESS: {"low": 1e6, "high": 2e6, "unit": "Pa"},
+        "materials.soil.shear_modulus": {"low": 1e6, "high": 2e6, "unit": "Pa"},
         "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "label": "restitution of soil"},
         "contact.soil-soil.friction_sliding": {"low": 0.3, "high": 0.7},
         "contact.soil-soil.friction_rolling": {"low": 0.5, "high": 0.9, "most": 1.5},

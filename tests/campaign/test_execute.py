@@ -17,16 +17,12 @@ from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
 
-WORKERS = 2
-
 
 def requests(count: int, work: float, group: str = "") -> list[RunRequest]:
     return [RunRequest(f"{group}{k}", {}, group, work) for k in range(count)]
 
 
-def deal(
-    waiting: list[RunRequest], deaths: dict[str, int] | None = None, workers: int = WORKERS
-) -> list[int]:
+def deal(waiting: list[RunRequest], deaths: dict[str, int] | None = None, workers=2) -> list[int]:
     """Sizes of the batches, in the order in which workers take them."""
     sizes, deaths = [], defaultdict(int, deaths or {})
     while waiting:

@@ -11,7 +11,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
 
 PULL = render("pair_effect").replace("NAME", "constant_pull")
-EXECUTES = "executes glue.py (named by --effect)"
 REMEDY = "`effects new NAME` writes a file of the present interface"
 BROKEN = {  # change of a good file -> what is told of it
     ("EFFECT = ", "OTHER = "): "holds no EFFECT = Effect(...)",
@@ -38,7 +37,7 @@ def told_of(tmp_path, monkeypatch, capsys):
         Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
         assert main([*words, "--effect", "glue.py"]) == 2
         first, told = capsys.readouterr().err.splitlines()
-        assert first == EXECUTES
+        assert first == "executes glue.py (named by --effect)"
         return told
 
     return refusal

@@ -10,12 +10,11 @@ import numpy as np
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Candidate, Parameter, Problem
 
-Shape = Callable[[np.ndarray], np.ndarray]
 LEVEL_SD = 5.0  # prior sd of the level: a quarter of its range
 
 
 def linear_problem(
-    shapes: Mapping[str, Shape],
+    shapes: Mapping[str, Callable[[np.ndarray], np.ndarray]],
     truth: Mapping[str, float],
     sd: float = 0.1,
     count: int = 24,

@@ -1,7 +1,7 @@
 """The order in which winds blow over a bed, against beds whose thresholds are known."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,7 +21,6 @@ from taichi_erosion.scene import Scene, load_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
 FIRST = 0.1  # m s-1
-STEPS_MOST = 200
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def trial(friction_velocity: float, grains: int = 1) -> Trial:
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
     """Search in a bed that rolls, leaves the ramp, leaves from rest and comes to rest at given winds."""
     search = ThresholdSearch(scene, {}, trial(FIRST))
-    for _ in range(STEPS_MOST):
+    for _ in range(200):
         now = search.trial.friction_velocity
         moved = now >= {"ramp": ramp, "hold": leaves, "start": 0.0, "fall": rests}[search.phase]
         search.trial.rolling = np.full(search.grains_needed, now >= rolls)
@@ -125,10 +124,9 @@ def test_grains_that_left_are_carried_off_before_they_land(scene: Scene, monkeyp
     monkeypatch.setattr(threshold_search, "export_bed", lambda *_: bed)
     monkeypatch.setattr(threshold_search, "air_profile", lambda *_: air)
     monkeypatch.setattr(threshold_search, "import_bed", lambda *words: beds.append(words[2]))
-    no_device: Any = None
-    carry_off(no_device, 0, search)
+    carry_off(cast(Any, None), 0, search)
     assert beds[0]["origin"][:, 2] == pytest.approx(height * np.array([0.2, 0.9, 0.6, 0.9]))
     assert beds[0]["velocity"].tolist() == [[1, 1, 1], [3, 0, 0], [3, 0, 0], [1, 1, 1]]
     search.trial.last = beds[0]["origin"][np.argsort(order)]
-    carry_off(no_device, 0, search)
+    carry_off(cast(Any, None), 0, search)
     assert len(beds) == 1

@@ -22,7 +22,6 @@ PATIENCE = 20.0  # s of this process's own time that one file may take
 AWAITED = 300  # s of wall time: a pipe that nobody fills takes none of the process's own
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "shutil.rmtree")
-BEGINNINGS = ("os.system", "os.exec", "os.fork", "os.posix_spawn", "subprocess.Popen", "socket.connect")
 OWN_CODE = (str(Path(taichi_erosion.__file__).parent), sys.prefix, sys.base_prefix, "<")
 
 
@@ -46,7 +45,7 @@ def note(event: str, arguments: tuple[Any, ...]) -> None:
     if not WATCHES:
         return
     watch = WATCHES[-1]
-    if event in BEGINNINGS:
+    if event in ("os.system", "os.exec", "os.fork", "os.posix_spawn", "subprocess.Popen", "socket.connect"):
         watch.trespasses.append(f"{event} {arguments!r}")
     elif event == "exec" and isinstance(arguments[0], CodeType):
         if not arguments[0].co_filename.startswith(OWN_CODE):

@@ -101,9 +101,7 @@ def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
     return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))
 
 
-def as_lines(rows: list[list[str]]) -> bytes:
-    """A table as a careless program would write it."""
-    return "".join(",".join(row) + "\n" for row in rows).encode("utf-8", errors="surrogatepass")
-
-
-tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(as_lines)
+# tables as a careless program would write them
+tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(
+    lambda rows: "".join(",".join(row) + "\n" for row in rows).encode("utf-8", errors="surrogatepass")
+)

@@ -23,8 +23,6 @@ from taichi_erosion.evidence.data.measured import read_table
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: seven kinds
 SECTIONS = ["scene", "grains", "geometry", "fill", "stages"]
 
-Act = Callable[[Path], Any]
-
 
 def tried(strategy: Any) -> Callable[[Any], Any]:
     """Run a test over a few generated files, and, marked slow, over many."""
@@ -47,7 +45,7 @@ def tried(strategy: Any) -> Callable[[Any], Any]:
     return decorate
 
 
-def read_or_refused(act: Act, path: Path) -> None:
+def read_or_refused(act: Callable[[Path], Any], path: Path) -> None:
     """A function that reads a file returns, or raises BadInput with one line that names the file."""
     with watched(path.parent) as watch:
         try:

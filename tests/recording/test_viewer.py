@@ -14,7 +14,6 @@ from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
 
 pytestmark = pytest.mark.viewer
-Colour = tuple[int, int, int]
 SIZE = (1000, 700)  # px
 MASK = np.tri(60, 120, dtype=bool)
 
@@ -46,7 +45,7 @@ def heap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def share_like(image: np.ndarray, colour: Colour, tolerance: float = 0.12) -> float:
+def share_like(image: np.ndarray, colour: tuple[int, int, int], tolerance: float = 0.12) -> float:
     """Share of pixels of about this hue: up to `tolerance` rad apart in colour space, dark ones left out."""
     pixels = image[..., :3].reshape(-1, 3).astype(float)
     lengths = np.linalg.norm(pixels, axis=1)

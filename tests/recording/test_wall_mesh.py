@@ -6,14 +6,12 @@ import pytest
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, section_lines, triangulate
 
-BOUNDS = ((-0.1, -0.2, 0.0), (0.3, 0.2, 0.5))
-
 
 def mesh(kind: PrimitiveKind, *numbers: float) -> WallMesh:
     """One primitive as a wall."""
     shape = np.zeros(10)
     shape[: len(numbers)] = numbers
-    return WallMesh("wall", *triangulate(kind, shape, BOUNDS), moving=False)
+    return WallMesh("wall", *triangulate(kind, shape, ((-0.1, -0.2, 0.0), (0.3, 0.2, 0.5))), moving=False)
 
 
 def area(wall: WallMesh) -> float:

@@ -98,9 +98,7 @@ def test_counts_scatter_and_remarks_are_known_in_their_languages():
     words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Réplicas"}
     words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; 均方差", "se": "Erreur standard"}
     words |= {"remark": "Notas; Obs.; 日期; Hinweis; Comentário; Anm."}
-    roles = {
-        role: {meaning_of(read_heading(text).name)[0] for text in headings(words[role])} for role in words
-    }
+    roles = {r: {meaning_of(read_heading(text).name)[0] for text in headings(words[r])} for r in words}
     assert roles == {role: {role} for role in words}
 
 

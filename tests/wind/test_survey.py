@@ -54,9 +54,7 @@ def test_scenes_of_fine_and_coarse_sands_are_valid_without_a_warning(diameter, t
 
 def test_a_table_is_compared_in_its_own_winds_and_in_no_other(measured):
     _, rows = measured
-    assert [row[:2] for row in rows] == [
-        pytest.approx(pair) for pair in ((0.3, 0.01), (0.4, 0.0205), (0.4, 0.0215))
-    ]
+    assert [r[:2] for r in rows] == [pytest.approx(p) for p in ((0.3, 0.01), (0.4, 0.0205), (0.4, 0.0215))]
     survey = Survey(SAND, (0.3, 0.4, 0.5), 0.0, 2, rows)
     assert survey.measured_at(0.4)["value"] == pytest.approx(0.021)
     assert (survey.measured_at(0.4)["n"], survey.measured_at(0.5)) == (2, {})

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -335,15 +336,13 @@ SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 
 23.7,19.6,0.6,0.2,0.2,1.5,3
 20.9,20.7,0.6,0.2,0.4,1.5,3
 """
+COLLAPSE = NewStudyOptions(TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900)
 
 
 def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_its_effect(tmp_path):
     stated = {"between_codes": {"angle_of_repose": "1 deg", "radius_90": "5 %"}}
     stated |= {"measured": {"sliding_friction": "0.6 ± 0.06"}}
-    wishes = NewStudyOptions(
-        TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated
-    )
-    document, study = made(tmp_path, SIZES, wishes)
+    document, study = made(tmp_path, SIZES, replace(COLLAPSE, **stated))
     seen = {o.name: (o.sd_shared, o.sd_shared_relative) for o in study.problem.observables.values()}
     assert seen == {"repose_angle": (1.0, 0.0), "radius_90": (0.0, 0.05)}
     for each in study.problem.parameters:  # of the grains in both apparatus
@@ -363,7 +362,4 @@ def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_
     ],
 )
 def test_an_error_or_a_number_that_fits_nothing_is_refused(tmp_path, stated, words):
-    wishes = NewStudyOptions(
-        TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated
-    )
-    assert words in faults_of(tmp_path, SIZES.encode(), wishes)[0]
+    assert words in faults_of(tmp_path, SIZES.encode(), replace(COLLAPSE, **stated))[0]

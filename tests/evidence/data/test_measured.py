@@ -66,9 +66,7 @@ def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):
     assert told in line
 
 
-@pytest.mark.parametrize(
-    "table_file", sorted((ROOT / "doe" / "measured").glob("*.csv")), ids=lambda f: f.stem
-)
+@pytest.mark.parametrize("table_file", sorted((ROOT / "doe/measured").glob("*.csv")), ids=lambda f: f.stem)
 def test_every_shipped_table_can_be_read_and_names_its_sources(table_file):
     assert all(row.source for row in read_table(table_file).rows)
 

@@ -48,15 +48,12 @@ def leaves(node: dict[str, Any], path: str = "") -> Iterator[str]:
                 yield from leaves(each, f"{path}.{key}".lstrip("."))
 
 
-def effect_numbers() -> Iterator[tuple[str, str]]:
-    """Path and unit of every number of an effect, and of its strength."""
-    for name, effect in load_library().items():
-        yield f"effects.{name}.strength", "1"
-        yield from ((f"effects.{name}.{f.name}", str(f.metadata["unit"])) for f in fields(effect.params))
-
-
+# paths and units of every number of an effect, and of its strength
+EFFECTS = load_library().values()
+NUMBERS = [(f"effects.{e.name}.strength", "1") for e in EFFECTS]
+NUMBERS += [(f"effects.{e.name}.{f.name}", f.metadata["unit"]) for e in EFFECTS for f in fields(e.params)]
 SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(scene_schema()))]
-PLACES = [(path, unit) for path, unit in (*SCENE, *effect_numbers()) if unit not in NO_NUMBER]
+PLACES = [(path, unit) for path, unit in (*SCENE, *NUMBERS) if unit not in NO_NUMBER]
 
 
 def study(**conditions: str) -> StudyFile:

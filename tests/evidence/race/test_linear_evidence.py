@@ -74,9 +74,7 @@ def test_a_level_is_integrated_over_its_heavy_tail():
         scale("level", cauchy=0.25) + scale("scatter", doubt=0.35),
         np.ones(size),
     )
-    far, near = (
-        evidence(table, table.scales.start, 20) for table in (offset, replace(offset, y=offset.y - 6.0))
-    )
+    far, near = (evidence(t, t.scales.start, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
     # a level of six standard errors costs its prior, not its misfit of 430 / 2
     assert 1.0 < near.log_evidence - far.log_evidence < 8.0
     assert far.solution.u[0] > 0.5

@@ -176,17 +176,14 @@ def single_and_double() -> Iterator[Outcome]:
     for name, setups, steps in (("head-on", head_on, 220), ("oblique", oblique, 2400)):
         ends = [steps * setup.time_step for setup in setups]
         double, single = (small.final_states(setups, ends, p) for p in PRECISIONS)
-        errors = [rebound_error(*pair) for pair in zip(double, single, setups, strict=True)]
+        errors = []  # largest difference in velocity or spin times radius, over the speed before the impact
+        for wide, narrow, setup in zip(double, single, setups, strict=True):
+            moving = np.abs(narrow.velocity - wide.velocity).max()
+            turning = np.abs((narrow.spin - wide.spin) * wide.radius[:, None]).max()
+            errors.append(max(moving, turning) / np.linalg.norm(setup.grains.velocity, axis=1).max())
         yield below(f"{name} impacts: rebound f32 - f64, over the speed", errors, 1e-5, "f32")
     angles = {p: bulk.heap_angles([(bulk.BASE, seed) for seed in HEAP_SEEDS], p) for p in PRECISIONS}
     mean = {name: float(np.mean(found)) for name, found in angles.items()}
     scatter = float(np.std(np.concatenate(list(angles.values())), ddof=1))
     name = f"heap angle [deg], f32 against f64, mean of {len(HEAP_SEEDS)} seeds within their sd"
     yield Outcome(name, mean["f32"], mean["f64"], scatter, "f32")
-
-
-def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
-    """Largest difference in velocity or in spin times radius, over the speed before the impact [1]."""
-    speed = np.linalg.norm(setup.grains.velocity, axis=1).max()
-    moving = np.abs(single.velocity - double.velocity).max()
-    return float(max(moving, np.abs((single.spin - double.spin) * double.radius[:, None]).max()) / speed)

@@ -135,18 +135,15 @@ SPHERE_RADIUS, APPROACH = 0.1, 0.2  # tests 6-8: m, m s-1
 SPHERE_RESTITUTION, SPHERE_FRICTION = 0.5, 0.4
 
 
-def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
-    """Test 6: a spinning sphere meets the plane; `ratios` are values of X."""
-    touch = small.touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
+def spinning_impacts() -> Iterator[Outcome]:
+    """V06, test 6: a spinning sphere meets the plane; the sliding branch X < 1, 0.5 % of beta."""
+    ratios = published.SPINNING_X[published.SPINNING_X < 1.0]
     normal = np.full(len(ratios), APPROACH)
     spin = 3.5 * SPHERE_FRICTION * 1.5 * normal / ratios / SPHERE_RADIUS
-    return impact_on_plane(touch, solid, SPHERE_RADIUS, normal, 0.0 * normal, spin)
-
-
-def spinning_impacts() -> Iterator[Outcome]:
-    """V06: the sliding branch X < 1, 0.5 % of beta."""
-    ratios = published.SPINNING_X[published.SPINNING_X < 1.0]
-    impacts = [spinning_impact(solid, ratios) for solid in SPINNING.values()]
+    impacts = []
+    for solid in SPINNING.values():
+        touch = small.touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
+        impacts.append(impact_on_plane(touch, solid, SPHERE_RADIUS, normal, 0.0 * normal, spin))
     for precision in PRECISIONS:
         for name, impact, after in zip(SPINNING, impacts, simulated(impacts, precision, FINE), strict=True):
             betas = -(after.tangential + impact.radius * after.spin) / (impact.radius * impact.spin)

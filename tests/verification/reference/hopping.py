@@ -39,7 +39,6 @@ HIGHEST, ROWS = 0.3, 4000  # m, and heights of the profile
 LOWEST_HEIGHT = 1e-6  # m
 LONGEST = 4.0  # of a throw in vacuum: longer than any hop, over v_z / g [1]
 SLOWEST = 1e-9  # keeps the drag of no slip finite [m s-1]
-BISECTIONS = 9
 SPAN = (0.02, 0.3)  # of sqrt((s - 1) g d), between which the threshold is looked for [1]
 
 WindProfile = Callable[[float], float]  # speed of a wind [m s-1] by the height over where it begins [m]
@@ -129,7 +128,7 @@ def hopping_threshold(sand: Sand, over: Callable[[float], WindProfile] | None = 
     """
     over = over or partial(wind, viscosity=sand.viscosity)
     low, high = (share * sand.scale for share in SPAN)
-    for _ in range(BISECTIONS):
+    for _ in range(9):
         middle = sqrt(low * high)
         low, high = (low, middle) if goes_on(sand, over(middle)) else (middle, high)
     return high

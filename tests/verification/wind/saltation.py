@@ -56,12 +56,6 @@ SEED = 1
 PATCHES = 3  # beds under each steady wind: the stress of one scatters by 0.15 of that of the threshold
 
 
-def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], WindProfile]]:
-    """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
-    sim = run_to_end(scenes, [SEED] * len(scenes)).sim
-    return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
-
-
 def roughness(blow: WindProfile, friction: float, height: float) -> float:
     """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
     return height * exp(-KARMAN * blow(height) / friction)
@@ -156,16 +150,9 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
         "geometry": {"ground": {"shape": "plane", "material": "sand"}},
         "wind": column | extent | {"sleep_after": SLEEP * sqrt(size)},
         "fill": {"law": "layers", "pitch_d": 1.32, "jitter_d": 0.03, "first_height_d": 1.0},
-        "stages": [
-            stage | {name: sqrt(size) * stage[name] for name in scales if name in stage} for stage in stages
-        ],
+        "stages": [s | {name: sqrt(size) * s[name] for name in scales if name in s} for s in stages],
     }
     return parse_scene(table | more)
-
-
-def at_rest(size: float) -> Scene:
-    """A bed that comes to rest."""
-    return sand(size, RESTING, [REST], {"measure": {}})
 
 
 def steady(size: float, patch: Patch) -> Scene:
@@ -202,7 +189,9 @@ def ends(line: Bracket) -> str:
 def hopping_alone(sizes: Sequence[float]) -> list[float]:
     """Lowest winds in which one grain goes on over beds of such grains [m s-1]."""
     sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
-    return list(map(hopping_threshold, sands, winds_over_beds([at_rest(size) for size in sizes], sands)))
+    scenes = [sand(size, RESTING, [REST], {"measure": {}}) for size in sizes]
+    sim = run_to_end(scenes, [SEED] * len(scenes)).sim
+    return [hopping_threshold(each, bed_wind(sim, k, each.diameter)) for k, each in enumerate(sands)]
 
 
 def saltation() -> Iterator[Outcome]:

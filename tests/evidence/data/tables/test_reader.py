@@ -23,7 +23,6 @@ RUSSIAN = (
     "Образец;Диаметр, мкм;Влажность, %;Угол естественного откоса, град\n"
     "песок;250;1,6;33,5\nпыль;500;0,5;31,2\n"
 )
-CHINESE = "样品\t粒径 (µm)\t含水率 (%)\t安息角 (°)\t备注\n沙\t250\t1.6\t33.5\t好\n土\t500\t0.5\t31.2\t好\n"
 LYING = "Probe;A;B;C\nKorngröße [µm];90;250;500\nFeuchte in %;0;1;2\nBöschungswinkel (°);31;32;33\n"
 INSIDE = "\n0,5;31,0;34,2;36,1\n1,0;30,5;32,0;33,1\n2,0;30,1;30,8;31,5\n"
 
@@ -58,7 +57,10 @@ def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda 
         ("sep=;\n" + GERMAN, "cp1252"),
         (RUSSIAN, "utf-8"),
         (RUSSIAN, "cp1251"),
-        (CHINESE, "utf-8"),
+        (
+            "样品\t粒径 (µm)\t含水率 (%)\t安息角 (°)\t备注\n沙\t250\t1.6\t33.5\t好\n土\t500\t0.5\t31.2\t好\n",
+            "utf-8",
+        ),
         ("Korngröße;Wassergehalt;Böschungswinkel\n;;\nµm;%;°\n250;1,6;33,5\n500;0,5;31,2\n", "cp1252"),
         ("Durchmesser;Feuchte;Böschungswinkel\n250 µm;1,6 %;33,5 °\n500 µm;0,5 %;31,2 °\n", "cp1252"),
     ],
