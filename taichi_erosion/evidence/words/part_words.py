@@ -70,7 +70,7 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
-    }.get(error.kind, f"{name} of {label} lies {far} {lies} {other}, what their conditions do apart")
+    }.get(error.kind, f"{name} of {label} lies {far} {lies} {other}, beyond what their conditions explain")
 
 
 def factor_text(size: Interval) -> str:

@@ -260,4 +260,4 @@ def test_compare_says_how_large_the_scatter_is_and_what_gave_it(kind, sd, repeat
 def test_of_two_soils_one_lies_above_the_other_beside_their_conditions():
     error = ErrorPart(-2.8, -3.6, -2.0, "group", "repose_angle", "loam B", "loess A")
     told = " ".join(discover_answer(replace(single, errors=(error,)), VOC).lines)
-    assert "of loam B lies 2.8 deg (2 to 3.6) below loess A, what their conditions do apart" in told
+    assert "of loam B lies 2.8 deg (2 to 3.6) below loess A, beyond what their conditions explain" in told
