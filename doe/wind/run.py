@@ -11,7 +11,7 @@ from doe.common.cases import DRAG_ALONE, Case, perform, settings
 from doe.common.command import words
 from taichi_erosion.core.files import write_atomic
 from tests.verification.reference.hopping import Sand, hopping_threshold
-from tests.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
+from tests.verification.wind.saltation import roughness, winds_over_beds
 
 SCENE, TABLE = "scenes/wind_threshold.toml", Path(__file__).with_name("fluid.csv")
 HOPPING = Path(__file__).with_name("hopping.csv")
@@ -52,8 +52,7 @@ def write_hopping() -> None:
     """The threshold of one grain that hops by the measured law of bounces, over a plane and over beds."""
     sands = [Sand(d) for d in sorted(DIAMETERS)]
     lines = [["diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]"]]
-    winds = winds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
-    for sand, over in zip(sands, winds, strict=True):
+    for sand, over in zip(sands, winds_over_beds(sands), strict=True):
         threshold = hopping_threshold(sand, over)
         rough = roughness(over(threshold), threshold, FAR * sand.diameter)
         cells = (1e3 * sand.diameter, hopping_threshold(sand), threshold, 1e3 * rough)
