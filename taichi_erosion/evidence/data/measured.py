@@ -83,6 +83,7 @@ def read_rows(
     cells, assumed = upright(cells, interview), len(interview.assumptions)
     columns = understand_columns(cells, options, interview, faults)
     cells = fill_down(cells, columns, options, interview)
+    columns = list(without_labels(columns, cells))
     table = table_of(cells, columns, faults, options)
     for words in (*table.notes, *cell_notes(cells, columns)):
         interview.assume(words)
@@ -123,6 +124,18 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
             row[column.place] = row[column.place] or (above[column.place] if above is not rows[0] else "")
     whole = zip(cells.rows, rows, strict=True)
     return replace(cells, rows=tuple((line, tuple(row)) for (line, _), row in whole))
+
+
+def without_labels(columns: Sequence[Column], cells: Cells) -> Iterator[Column]:
+    """The columns; numbers 1 to k that tell apart repeats, k of them or fewer in each place, count none."""
+    kinds = [column.place for column in columns if column.role in ("condition", "group", "source")]
+    sets = [tuple(row[place] for place in kinds) for _, row in cells.lines]
+    most = max(Counter(sets).values())
+    for column in columns:
+        numbers, rows = {row[column.place] for _, row in cells.lines}, zip(sets, cells.lines, strict=True)
+        apart = len({(each, row[column.place]) for each, (_, row) in rows}) == len(sets)
+        labels = most > 1 and apart and numbers == {*map(str, range(1, most + 1))}
+        yield replace(column, role="remark") if labels and column.role == "n" else column
 
 
 def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
