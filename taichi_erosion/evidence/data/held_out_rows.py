@@ -74,12 +74,10 @@ def split_rows(
 def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
     """Rows that stay held out, with those new to their units, and the units that were drawn before."""
     draw = measurements.drawn or ("",) * measurements.size
-    hidden = {unit for unit, was in zip(units, draw, strict=True) if was == "held out"}
-    settled = frozenset(unit for unit, was in zip(units, draw, strict=True) if was)
-    visible = [
-        was == "held out" or (not was and unit in hidden) for unit, was in zip(units, draw, strict=True)
-    ]
-    return np.array(visible, dtype=np.bool_), settled
+    pairs = list(zip(units, draw, strict=True))
+    hidden = {unit for unit, was in pairs if was == "held out"}
+    stays = [was == "held out" or (not was and unit in hidden) for unit, was in pairs]
+    return np.array(stays, dtype=np.bool_), frozenset(unit for unit, was in pairs if was)
 
 
 def stated_rows(

@@ -44,10 +44,7 @@ from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, read_cells, write_out
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
-SPREAD_WORDS = {  # of numbers behind ±, by the role of their column
-    "observable": "single repeats",
-    "condition": "the stated condition",
-}
+SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 
 
@@ -130,12 +127,11 @@ def without_labels(columns: Sequence[Column], cells: Cells) -> Iterator[Column]:
     """The columns; numbers 1 to k that tell apart repeats, k of them or fewer in each place, count none."""
     kinds = [column.place for column in columns if column.role in ("condition", "group", "source")]
     sets = [tuple(row[place] for place in kinds) for _, row in cells.lines]
-    most = max(Counter(sets).values())
+    labels = {*map(str, range(1, 1 + max(Counter(sets).values())))}
     for column in columns:
-        numbers, rows = {row[column.place] for _, row in cells.lines}, zip(sets, cells.lines, strict=True)
-        apart = len({(each, row[column.place]) for each, (_, row) in rows}) == len(sets)
-        labels = most > 1 and apart and numbers == {*map(str, range(1, most + 1))}
-        yield replace(column, role="remark") if labels and column.role == "n" else column
+        pairs = {(each, row[column.place]) for each, (_, row) in zip(sets, cells.lines, strict=True)}
+        apart = len(pairs) == len(sets) > len({*sets}) and {number for _, number in pairs} == labels
+        yield replace(column, role="remark") if apart and column.role == "n" else column
 
 
 def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:

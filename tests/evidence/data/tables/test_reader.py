@@ -138,14 +138,8 @@ FOREIGN = {
         "moisture [%];repose angle [deg];shininess [mm];SD;n\n0;31;5;0.2;5\n",
         [("repose_angle", 31.0, nan, 5, "deg")],
     ),
-    "scatter in another unit": (
-        "moisture [%];pile height [cm];SD [mm]\n0;4;1\n",
-        [("pile_height", 4.0, 0.1, None, "cm")],
-    ),
-    "half of a diameter": (
-        "moisture [%];Haufendurchmesser [mm];SD\n0;40;1\n",
-        [("runout_radius", 20.0, 0.5, None, "mm")],
-    ),
+    "sd in mm": ("w [%];pile height [cm];SD [mm]\n0;4;1\n", [("pile_height", 4.0, 0.1, None, "cm")]),
+    "diameter": ("w [%];Haufendurchmesser [mm];SD\n0;40;1\n", [("runout_radius", 20.0, 0.5, None, "mm")]),
     "a table on its side": (LYING, [("repose_angle", value, nan, None, "°") for value in (31.0, 32.0, 33.0)]),
     "cells without a measurement": (
         "moisture [%];repose angle [deg];sd;n;note\n0;31;0.5;5;\n1;n/a;;;lost\n2;-;;;\n",
