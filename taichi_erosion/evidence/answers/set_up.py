@@ -97,16 +97,18 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
             yield SetUpFault("scatter", name, words, False)
     for each in rows.unmerged:
         gap = table.table_units.value_text(each.observable, each.gap)
-        rows = row_list(each.lines), gap, row_list(each.suspects)
-        words = FAULTS["repeats"].format(each.observable, *rows)
+        words = FAULTS["repeats"].format(each.observable, row_list(each.lines), gap, row_list(each.suspects))
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
 
 
 def row_faults(problem: Problem) -> Iterator[SetUpFault]:
-    """Fewer rows under different conditions than tell effects apart, where there are candidates."""
+    """Fewer rows under different conditions than tell apart what may act; a soil has numbers of its own."""
     table, calibrated = problem.visible(), len(problem.parameters) + len(problem.adopted)
-    points = len(set(zip(table.observable, condition_numbers(table), strict=True)))
-    if not problem.candidates or points >= calibrated + SPARE:
+    cells = condition_numbers(table)
+    points = len(set(zip(table.observable, cells, strict=True)))
+    sets = [group for group, _ in {*zip(table.group, cells, strict=True)}]
+    calibrated += max(len({group for group in sets if sets.count(group) > 1}) - 1, 0)
+    if not (problem.candidates or points > 1) or points >= calibrated + SPARE:
         return
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
     numbers = "1 number is" if calibrated == 1 else f"{calibrated} numbers are"

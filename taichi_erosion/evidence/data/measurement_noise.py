@@ -271,13 +271,12 @@ def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]
 
 
 def lack_of_fit(parts: Iterable[tuple[float, float, float, float]]) -> float:
-    """Chance that repeats scatter as far as their means lie from a model; NaN where nothing is repeated.
+    """Chance that repeats scatter as far as their means lie from a model; NaN where none differ.
 
     `parts`, by observable: SS - SS_in, n - p - nu_in, SS_pe and nu_pe; one F test for all of them together.
     """
-    tested = [part for part in parts if min(part[1], part[3]) > 0.0]
+    tested = [part for part in parts if min(part[1:]) > 1e-12]  # equal repeats tell no scatter
     if not tested:
         return nan
     squares, dof, error, repeats = np.sum(tested, axis=0)
-    ratio = max(squares, 0.0) / dof / max(error / repeats, 1e-300)
-    return float(special.fdtrc(dof, repeats, ratio))
+    return float(special.fdtrc(dof, repeats, max(squares, 0.0) / dof / (error / repeats)))

@@ -49,11 +49,10 @@ def row_list(lines: Iterable[int]) -> str:
 
 
 def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
-    """Levels, and where wanted `every` error that nobody stated."""
+    """Levels, and where wanted `every` error that nobody stated, of rows that can test something."""
     levels = [each for each in record.levels if each.probability >= SURE]
-    words = say.first_and_count(
-        [error_text(each, voc) for each in (*levels, *(record.errors if every else ()))]
-    )
+    errors = record.errors if every and testable(record) else ()
+    words = say.first_and_count([error_text(each, voc) for each in (*levels, *errors)])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 

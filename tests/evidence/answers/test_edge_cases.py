@@ -98,9 +98,10 @@ def test_a_table_of_limits_alone_names_nothing(study):
     assert ask("compare", path).answer().lines[0].startswith("The calibrated model agrees")
 
 
-@pytest.mark.parametrize(("count", "enough"), [(5, False), (6, True)])
-def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count: int, enough: bool):
-    table = "".join(rows(3).splitlines(keepends=True)[: 1 + count])  # three numbers, an effect, a level
+@pytest.mark.parametrize(("count", "soils", "enough"), [(5, 4, False), (6, 4, True), (6, 2, False)])
+def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count, soils, enough):
+    table = "".join(rows(4).splitlines(keepends=True)[: 1 + count])  # three numbers, an effect, a level
+    table = table.replace("g2", "g0").replace("g3", "g1") if soils == 2 else table  # of two soils one more
     with open_study(study(table, study_text().replace("fraction = 0.3", "fraction = 0"))) as found:
         assert ("too_few_rows" in [fault.kind for fault in found.faults]) is not enough
 

@@ -159,3 +159,4 @@ def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
         chances.append(float(np.mean(np.array(p) < 0.05)))
     assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
     assert chances[1] > 0.9
+    assert np.isnan(measurement_noise.lack_of_fit([(0.01, 1.0, 0.0, 2.0)])), "equal repeats tell no scatter"
