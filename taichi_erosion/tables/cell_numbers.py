@@ -30,7 +30,7 @@ RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
 UP_TO = re.compile(r"^(?:bis(?: zu)?|up to|jusqu'à|hasta|fino a|até|до)\s+(?=\d)", re.IGNORECASE)  # a limit
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATE = re.compile(
-    rf"\d{{1,4}}[./-]\d{{1,2}}[./-]\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
+    rf"\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
 )
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
@@ -79,8 +79,7 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
 
 def is_quantity(cell: str) -> bool:
     """Whether a cell holds a number, or says that it has none."""
-    plain = plain_cell(cell)
-    return bool(cell_word(cell) or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
+    return bool(cell_word(cell) or any(kind.fullmatch(plain_cell(cell)) for kind in (QUANTITY, INTERVAL)))
 
 
 def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False) -> CellNumber:

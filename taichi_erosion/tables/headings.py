@@ -241,7 +241,7 @@ def occurrence(word: str) -> str:
 
 def found_length(word: str, heading: str) -> int:
     """Length of a known word that a heading has, an ideograph as three letters; 0 where it has not."""
-    if word not in heading or not re.search(occurrence(word), heading):
+    if not word or word not in heading or not re.search(occurrence(word), heading):
         return 0
     return len(word) * (3 if ord(word[-1]) >= IDEOGRAPHS else 1)
 

@@ -387,9 +387,10 @@ def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
     return itself, numbered if not itself or itself[0] in numbered else []
 
 
-def words_recur(words: Sequence[str]) -> bool:
-    """Whether a column of words has several, each in two rows or more on average."""
-    return "" not in words and 1 < len({*words}) <= len(words) / 2
+def are_kinds(words: Sequence[str], alike: bool) -> bool:
+    """Whether words name kinds: each has two rows on average, or one of rows that are otherwise `alike`."""
+    kinds, bare = len({*words}), len({re.sub(r"\d", "", each) for each in words})
+    return "" not in words and kinds > 1 and (2 * kinds <= len(words) or (alike and bare == len(words)))
 
 
 def summing_word(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:

@@ -47,8 +47,8 @@ moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; rep
 maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
-funnel diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g); bulk density (g/cm3)
-days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
+funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
+bulk density (g/cm3); days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
 """
 
 

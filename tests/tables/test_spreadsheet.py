@@ -18,7 +18,7 @@ from taichi_erosion.tables.spreadsheet import Cells, with_one_heading, write_out
         ("1\u2009200", 1200.0, 0.0, ""),
         *((text, 90.0, -inf, "") for text in ("bis 90", "up to 90")),
         ("5 wt%", 5.0, 0.0, "%"),
-        *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13")),
+        *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13", "13.00-14.0")),
         *((text, 0.34, 0.09, "mm") for text in ("0.43-0.25 mm", "0.43 mm - 0.25 mm")),
         ("1e-5-3e-5", 2e-5, 1e-5, ""),
     ],

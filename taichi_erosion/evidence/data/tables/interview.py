@@ -41,6 +41,7 @@ from taichi_erosion.tables.headings import (
     HEIGHT,
     SCATTER,
     WINDS,
+    found_length,
     has_word,
     holds_value,
     is_summary,
@@ -49,7 +50,7 @@ from taichi_erosion.tables.headings import (
     vocabulary,
 )
 from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, ranges_of, stem
-from taichi_erosion.tables.spreadsheet import Cells, words_recur
+from taichi_erosion.tables.spreadsheet import Cells, are_kinds
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = "yYjJoOsS"  # first letters of yes, ja, oui, si
@@ -63,12 +64,8 @@ BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
-SHARES = ("%", "‰", "1", "-")
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
-PROFILE = (
-    "a profile over the height is one measurement; fit u* and z0 to its winds, u = u* ln(z / z0) / 0.4, sum "
-    "its flux over the height, and give one row for every profile, with 'u* [m/s]' and 'flux [g/(m s)]'"
-)
+PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
 
 
@@ -158,7 +155,7 @@ def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     winds = [column for column in columns if not isnan(column.height)]
     heights = [c for c in columns if is_height(c.heading) and len({n.value for n in reading.numbers(c)}) > 1]
     over = {c.name for c in columns if c.role in ("observable", "condition")} & {"flux", *WINDS}
-    if len(winds) > 1 or (heights and (winds or over)):
+    if len({each.height for each in winds}) > 1 or (heights and (winds or over)):
         names = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))
         reading.faults.append(f"{reading.cells.file}: {names}: {PROFILE}")
         columns = [replace(each, height=nan, firm=True) if each in winds else each for each in columns]
@@ -320,7 +317,7 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
         counted = "a pure number" if unit == "1" else unit
         return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
     based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
-    if column.name == "conditions.moisture" and heading.unit in SHARES and not based:
+    if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"
         reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
     return column
@@ -366,18 +363,19 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
 
 
 def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
-    """The columns; one of words that recur names set-ups, `crop`, unless it may repeat a condition."""
+    """The columns; one of words that name kinds names set-ups, `crop`, unless it may repeat a condition."""
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
+    alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
     for column in columns:
         words = [row[column.place] for _, row in lines]
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
-        kinds = unknown and not column.numeric and words_recur(words)
+        kinds = unknown and not column.numeric and are_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
             column = reading.fault(column, f"{why} it repeats '{both}'")
         elif kinds:
-            reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words recur")
+            reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words are kinds")
             column = replace(column, role="group")
         yield column
 
@@ -433,22 +431,24 @@ def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Colum
     """
     measured = [column for column in columns if column.role == "observable"]
     repeated = {column.name for column in measured if column.is_repeat}
-    before: Column | None = None
+    quantities = [column for column in columns if column.numeric and column.role not in SCATTER]
+    before = list[Column]()
     for column in columns:
         if column.role not in SCATTER or not measured:
-            before = column
+            before = [column] if column.role == "remark" and column.numeric and column.heading.unit else []
             yield column
             continue
         words = plain_words(column.heading.name)
-        called = [each for each in measured if plain_words(each.heading.name) in words]
-        partner = (called or [each for each in measured if each.place < column.place][-1:] or measured)[0]
-        shared = column.role == "n" and len(measured) > 1 and not called
+        owners = [c for c in quantities if found_length(plain_words(c.heading.name), words)]
+        owners = sorted(owners, key=lambda each: len(each.heading.name))[-1:] or before
+        left = [each for each in measured if each.place < column.place]
+        partner = owners[0] if owners and owners[0] in measured else (left[-1:] or measured)[0]
+        shared = column.role == "n" and len(measured) > 1 and partner not in owners
         why = ""
         if repeated and (shared or partner.name in repeated):
             why = BESIDE
-        elif before and before.role == "remark" and before.numeric and before.heading.unit:
-            of_another = column.role != "n" and not called
-            why = f"it stands behind '{before.heading.text}', which is not used" if of_another else ""
+        elif owners and partner not in owners and column.role != "n":
+            why = f"it belongs to '{owners[0].heading.text}'"
         sizes = [[abs(each.value) for each in reading.numbers(c)] or [0.0] for c in (column, partner)]
         if column.role in ("sd", "se") and not column.heading.unit and median(sizes[0]) > median(sizes[1]):
             why = f"its numbers are larger than those of '{partner.heading.text}'"

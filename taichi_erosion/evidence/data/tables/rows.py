@@ -40,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, summing_word
+from taichi_erosion.tables.spreadsheet import Cells, are_kinds, summing_word
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -396,10 +396,10 @@ class RowReader:
         return ", ".join(row[column.place] for column in self.of(role) if row[column.place])
 
     def group(self, row: Sequence[str]) -> str:
-        """Set-up of a row; empty where each row of a laboratory's table has one of its own."""
-        named = self.of("group")
-        distinct = {tuple(other[column.place] for column in named) for _, other in self.cells.lines}
-        return "" if not self.tidy and len(distinct) == len(self.cells.lines) else self.text(row, "group")
+        """Set-up of a row; empty where the rows of a laboratory's table are numbered, `P 1`, `P 2`."""
+        labels = ["".join(other[c.place] for c in self.of("group")) for _, other in self.cells.lines]
+        numbered = len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
+        return "" if numbered and not self.tidy else self.text(row, "group")
 
     def source(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""

@@ -24,6 +24,7 @@ RUSSIAN = (
     "песок;250;1,6;33,5\nпыль;500;0,5;31,2\n"
 )
 LYING = "Probe;A;B;C\nKorngröße [µm];90;250;500\nFeuchte in %;0;1;2\nBöschungswinkel (°);31;32;33\n"
+SAMPLES = (("A", 0, 31, 32), ("B", 1, 33, 34))
 INSIDE = "\n0,5;31,0;34,2;36,1\n1,0;30,5;32,0;33,1\n2,0;30,1;30,8;31,5\n"
 
 
@@ -74,6 +75,10 @@ def test_one_table_has_the_same_rows_however_it_is_written(tmp_path, text, encod
     ]
 
 
+def angles(*values: float, unit: str = "°") -> list[tuple]:
+    return [("repose_angle", float(value), nan, None, unit) for value in values]
+
+
 MERGED = workbook(
     (
         ("sample", "moisture", "angle of repose", None, None, "run-out", None),
@@ -95,29 +100,22 @@ FOREIGN = {
     ),
     "a merged heading above repeats": (
         workbook(
-            (
-                ("sample", "moisture", "angle of repose", None),
-                (None, "%", "deg", None),
-                *(("A", 0, 31, 32), ("B", 1, 33, 34)),
-            ),
+            (("sample", "moisture", "angle of repose", None), (None, "%", "deg", None), *SAMPLES),
             merged=("C1:D1",),
         ),
-        [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.0, 33.0, 34.0)],
+        angles(31, 32, 33, 34, unit="deg"),
     ),
     **{
         f"a merged heading, below it {below}": (
             f"w [%];Böschungswinkel [°];\n{below}\n0;31;32\n1;33;34\n",
-            [("repose_angle", value, nan, None, "°") for value in (31.0, 32.0, 33.0, 34.0)],
+            angles(31, 32, 33, 34),
         )
         for below in (";°;°", ";1;2", ";;")
     },
-    "one row like numbers of repeats": (
-        "w [%];Böschungswinkel [°]\n1;2\n1;20\n2;21\n",
-        [("repose_angle", value, nan, None, "°") for value in (2.0, 20.0, 21.0)],
-    ),
+    "one row like numbers of repeats": ("w [%];Böschungswinkel [°]\n1;2\n1;20\n2;21\n", angles(2, 20, 21)),
     "repeats side by side": (
         "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n",
-        [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.5, 33.0, 34.0)],
+        angles(31, 32.5, 33, 34, unit="deg"),
     ),
     "scatter behind the sign": (
         "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 +/- 0,7;5\n",
@@ -134,20 +132,20 @@ FOREIGN = {
         )
         for heading in ("CV [%]", "RSD in %", "Variationskoeffizient", "CV")
     },
-    "scatter of a quantity that is not used": (
-        "moisture [%];repose angle [deg];shininess [mm];SD;n\n0;31;5;0.2;5\n",
+    "scatter of quantities that are not used": (
+        "moisture [%];repose angle [deg];shininess [mm];SD;tau;sigma_tau;n\n0;31;5;0.2;1;0.1;5\n",
         [("repose_angle", 31.0, nan, 5, "deg")],
     ),
     "sd in mm": ("w [%];pile height [cm];SD [mm]\n0;4;1\n", [("pile_height", 4.0, 0.1, None, "cm")]),
     "diameter": ("w [%];Haufendurchmesser [mm];SD\n0;40;1\n", [("runout_radius", 20.0, 0.5, None, "mm")]),
-    "a table on its side": (LYING, [("repose_angle", value, nan, None, "°") for value in (31.0, 32.0, 33.0)]),
+    "a table on its side": (LYING, angles(31, 32, 33)),
     "cells without a measurement": (
         "moisture [%];repose angle [deg];sd;n;note\n0;31;0.5;5;\n1;n/a;;;lost\n2;-;;;\n",
         [("repose_angle", 31.0, 0.5, 5, "deg")],
     ),
     "sieve fractions": (
         "Korngröße [mm];Böschungswinkel (°);fraction 0.1 mm [%];fraction 0.2 mm [%]" + INSIDE,
-        [("repose_angle", value, nan, None, "°") for value in (31.0, 30.5, 30.1)],
+        angles(31, 30.5, 30.1),
     ),
 }
 
@@ -284,13 +282,10 @@ def test_a_heading_gives_name_and_unit(heading, name, unit):
         ("Threshold friction velocity", ("observable", "threshold_u_star")),
         ("Grenzschubspannungsgeschwindigkeit", ("observable", "threshold_u_star")),
         ("friction velocity", ("condition", "conditions.friction_velocity")),
-        ("Standardabweichung Winkel", ("sd", "")),
-        ("Anzahl Wiederholungen", ("n", "")),
-        ("Farbe", ("unknown", "")),
-        *((word, ("sd", "")) for word in ("s", "stdev", "Standardabweichung")),
-        ("+-", ("spread", "")),
+        *((word, ("sd", "")) for word in ("s", "stdev", "Standardabweichung", "Standardabweichung Winkel")),
+        *(("Farbe", ("unknown", "")), ("+-", ("spread", ""))),
         *((word, ("se", "")) for word in ("SEM", "Standardfehler")),
-        *((word, ("n", "")) for word in ("replicates", "Wdh.")),
+        *((word, ("n", "")) for word in ("replicates", "Wdh.", "Anzahl Wiederholungen")),
     ],
 )
 def test_the_longest_known_word_of_a_heading_counts(heading, meaning):

@@ -102,9 +102,8 @@ def test_the_scatter_that_the_user_states_is_that_of_single_measurements(tmp_pat
 
 
 def test_a_number_behind_the_sign_of_a_condition_is_its_sd(tmp_path):
-    found, assumed = measured(
-        tmp_path, "moisture (%);angle of repose (°)\n1 ± 0.5;40 ± 1\n4;37 ± 1\n8 ± 2;36 ± 1\n"
-    )
+    text = "moisture (%);angle of repose (°)\n1 ± 0.5;40 ± 1\n4;37 ± 1\n8 ± 2;36 ± 1\n"
+    found, assumed = measured(tmp_path, text)
     assert found.condition_sd["moisture"] == pytest.approx([0.005, np.nan, 0.02], nan_ok=True)
     assert found.sd == pytest.approx(1.0)
     assert any("± in 'moisture (%)' is the standard deviation of the stated" in words for words in assumed)
@@ -197,8 +196,7 @@ def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
     angles = 31.0 + salt + 0.002 * (humidity - 30.0) ** 2 + 0.3 * np.cos(7.0 * humidity)
     rows = zip(salt, humidity, angles, strict=True)
     text = SALT.format("room humidity (%)") + "".join(f"{s};{h};{a:.1f};0.5\n" for s, h, a in rows)
-    found, _ = measured(tmp_path, text)
-    assert [len(np.unique(each)) for each in found.conditions.values()] == [3, 12]
+    assert [len(np.unique(each)) for each in measured(tmp_path, text)[0].conditions.values()] == [3, 12]
 
 
 @pytest.mark.parametrize(
@@ -229,13 +227,17 @@ def test_words_that_recur_name_set_ups_and_numbers_are_what_their_sizes_allow(tm
     assert np.isnan(found.n).all(), "a porosity counts no repeats"
     assert "oven_temperature" in found.conditions
     assert any("larger than those of 'u*t [m/s]'" in each for each in assumed)
+    for names, groups in ((("tin", "zinc", "iron"), 3), (("P 1", "P 2", "P 3"), 1)):
+        text = "".join(f"{name};{name};{30 + k};1\n" for k, name in enumerate(names))
+        for kind in ("material;note", "note;type of grain"):
+            found, _ = measured(tmp_path, f"{kind};angle of repose (deg);SD\n{text}")
+            assert len({*found.group}) == groups, "words alone tell rows apart"
 
 
 @pytest.mark.parametrize("heading", ["hauteur de chute (cm)", "probe depth (cm)"])
 def test_a_column_with_a_unit_is_no_label_whatever_word_its_heading_holds(tmp_path, heading):
     rows = "".join(f"{w};{h};{30 + w + h};0.5\n" for w in (0, 1, 2) for h in (2, 5, 9))
-    found, _ = measured(tmp_path, SALT.format(heading) + rows)
-    assert len(found.conditions) == 2
+    assert len(measured(tmp_path, SALT.format(heading) + rows)[0].conditions) == 2
 
 
 PROFILES = [
@@ -251,6 +253,8 @@ def test_a_profile_is_one_measurement(tmp_path, text):
     told = refused(tmp_path, text, roughness="0.03 mm")
     assert "a profile over the height is one measurement" in told
     assert "roughness length of the bed" not in told
+    once = "u*t (m/s);threshold wind at 2 m (m/s);threshold wind at 2 m, z0 known (m/s)\n0.2;5;6\n0.3;7;8\n"
+    assert "profile" not in refused(tmp_path, once, roughness="0.03 mm"), "two winds at one height"
 
 
 def test_a_wind_over_beds_of_several_roughness_lengths_gives_the_friction_velocity_of_each(tmp_path):
@@ -354,14 +358,13 @@ def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
     text = LONE.format("bed stress (Pa)") + rows
     assert "--condition 'bed stress (Pa)=UNIT'" in refused(tmp_path, text, diameter="0.2 mm")
     options = TableOptions(conditions={"bed stress": "Pa"})
-    found, _ = measured(tmp_path, text, diameter="0.2 mm", table_options=options)
-    assert "bed_stress" in found.conditions
+    assert "bed_stress" in measured(tmp_path, text, diameter="0.2 mm", table_options=options)[0].conditions
 
 
 def test_a_single_condition_bends_as_it_likes(tmp_path):
     rows = "".join(f"{w};{29 + 6 * w ** (1 / 3):.1f};0.6;5\n" for w in (0, 0.25, 0.5, 1, 2, 4, 8))
-    found, _ = measured(tmp_path, "oil (g/kg);angle of repose (deg);SD;n\n" + rows)
-    assert found.conditions["oil"].max() == pytest.approx(8e-3)
+    oil = measured(tmp_path, "oil (g/kg);angle of repose (deg);SD;n\n" + rows)[0].conditions["oil"]
+    assert oil.max() == pytest.approx(8e-3)
 
 
 def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(tmp_path):
