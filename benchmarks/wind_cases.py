@@ -21,8 +21,8 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, run_ensemble
 from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.measures.threshold import pool_beds
-from taichi_erosion.scene import Scene, build_setup, laws, load_scene, parse_scene
-from taichi_erosion.scene.load import SCENES, load_air_scene, toml_table
+from taichi_erosion.scene import Scene, laws, load_scene, parse_scene, replica_setup
+from taichi_erosion.scene.load import SCENES, load_air_scene, read_toml
 from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.simulation import (
     Simulation,
@@ -101,7 +101,7 @@ def air_case(name: str, setup: AirSetup, threads: int) -> dict[str, Any]:
 def blowing_patch(numerics: Numerics) -> Simulation:
     """A patch of sand when grains hop over it."""
     scene = load_scene(SCENES / "saltation.toml", [f"run.time_step_fraction={STEP_FRACTION}"])
-    sim = assemble([build_setup(scene, PATCH_SEED)], laws(scene), numerics)
+    sim = assemble([replica_setup(scene, PATCH_SEED)], laws(scene), numerics)
     for wind, until in WINDS:
         spin_up_wind(sim, 0, wind)
         advance(sim, [until])
@@ -110,7 +110,7 @@ def blowing_patch(numerics: Numerics) -> Simulation:
 
 def threshold_scene(awake: bool = False) -> Scene:
     """The scene of a threshold, measured by its search alone; `awake`: no grain sleeps."""
-    table = toml_table(SCENES / "wind_threshold.toml")
+    table = read_toml(SCENES / "wind_threshold.toml")
     del table["measured"], table["record"]
     table |= {"measure": {"fluid_threshold": {}}, "effects": {}}  # under drag alone
     table["run"]["time_step_fraction"] = STEP_FRACTION
@@ -145,7 +145,7 @@ def threshold_case(awake: bool = False) -> dict[str, Any]:
         book([SETTLE if state.search is None else state.search.phase for state in running])
 
     scene, states = threshold_scene(awake), [ReplicaState(seed) for seed in SEEDS]
-    sim = assemble([build_setup(scene, seed) for seed in SEEDS], laws(scene), Numerics("cpu", 1, "f32"))
+    sim = assemble([replica_setup(scene, seed) for seed in SEEDS], laws(scene), Numerics("cpu", 1, "f32"))
     load_kernels(sim)
     book([SETTLE] * len(SEEDS))
     whole = EnsembleRun([scene] * len(SEEDS), sim, states)

@@ -35,7 +35,7 @@ from benchmarks.peers.physics_measures import Rest
 from taichi_erosion.core.setup import GrainTable, Numerics, Setup
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_ensemble
 from taichi_erosion.execution.stages import ReplicaState
-from taichi_erosion.scene import Scene, build_setup, laws, load_scene
+from taichi_erosion.scene import Scene, laws, load_scene, replica_setup
 from taichi_erosion.simulation import assemble, snapshot
 
 SCENE = ROOT / "scenes" / "column_collapse.toml"
@@ -110,7 +110,7 @@ def column_soil(column: Column) -> Soil:
     """The grains of the scene as the decks of the other codes read them; the wall is the plate."""
     scene = column_scene(column)
     grain, rub = scene.materials["grain"], scene.contact["grain-grain"]
-    setup = build_setup(scene, SEEDS[0])
+    setup = replica_setup(scene, SEEDS[0])
     return Soil(
         diameter=2.0 * float(setup.grains.radius[0]),
         density=grain.density,
@@ -155,14 +155,14 @@ def laid_columns(column: Column) -> list[Start]:
     scene = column_scene(column)
     filling = scene.model_copy(update={"stages": scene.stages[:COLLAPSE]})
     return [
-        lying(rest.position) for rest in run_to_end(filling, [build_setup(filling, seed) for seed in SEEDS])
+        lying(rest.position) for rest in run_to_end(filling, [replica_setup(filling, seed) for seed in SEEDS])
     ]
 
 
 def our_columns(column: Column, starts: Sequence[Start]) -> list[Rest]:
     """What becomes of some starts in our code."""
     scene = column_scene(column)
-    return run_to_end(scene, [placed(build_setup(scene, SEEDS[0]), start) for start in starts])
+    return run_to_end(scene, [placed(replica_setup(scene, SEEDS[0]), start) for start in starts])
 
 
 def placed(setup: Setup, start: Start) -> Setup:

@@ -65,7 +65,7 @@ def predict(
 ) -> Floats:
     """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
     value = expected(observable, conditions, parameters, effects)
-    kick = reduced.SCATTER[observable] * reduced.disturbance(observable, conditions, seeds)
+    kick = reduced.SCATTER[observable] * reduced.paired_normal_numbers(observable, conditions, seeds)
     return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from doe.common.cases import Case, Row, perform, read_rows, settings
 from doe.common.command import words
 from doe.common.pages import write_pages
-from taichi_erosion.measures.silhouette import fit_window
-from taichi_erosion.tables.number_words import markdown_table, with_spread
+from taichi_erosion.measures.silhouette import heights_of_fit_window
+from taichi_erosion.tables.number_words import markdown_table, value_and_sd_text
 
 SCENE = "scenes/column_collapse.toml"
 DIAMETER = 1.5e-3  # m, of the scene's grains
@@ -63,7 +63,7 @@ CASES = [
 
 def flank_rows(height: float) -> float:
     """Rows of grains between the ends of a fitted flank, of a heap whose height is in diameters."""
-    low, high = fit_window(height, 1.0)
+    low, high = heights_of_fit_window(height, 1.0)
     return max(high - low, 0.0)
 
 
@@ -81,8 +81,8 @@ def lines(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
             str(grains),
             f"{height:.1f}",
             f"{flank_rows(height):.1f}",
-            *(with_spread(angle.value, angle.sd, angle.n) for angle in angles),
-            with_spread(centroid.value / DIAMETER, centroid.sd / DIAMETER, centroid.n),
+            *(value_and_sd_text(angle.value, angle.sd, angle.n) for angle in angles),
+            value_and_sd_text(centroid.value / DIAMETER, centroid.sd / DIAMETER, centroid.n),
         )
 
 

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 from doe.common.cases import Row, read_rows
 from doe.common.pages import write_pages
 from doe.common.tables import lines_of
-from taichi_erosion.tables.number_words import markdown_table, with_spread
+from taichi_erosion.tables.number_words import markdown_table, value_and_sd_text
 
 PICTURE = "pictures/lab_c.png"
 DIAMETERS = {"1.5 mm": 1.5e-3, "3 mm": 3e-3}  # m, by the label of a case
@@ -73,8 +73,8 @@ def comparison_table(rows: Sequence[Row], laboratory: Laboratory, group: str) ->
             (
                 f"{row.observable} [{unit}]",
                 row.label,
-                with_spread(factor * row.value, factor * row.sd, row.n),
-                with_spread(factor * theirs.value, factor * theirs.sd, theirs.n),
+                value_and_sd_text(factor * row.value, factor * row.sd, row.n),
+                value_and_sd_text(factor * theirs.value, factor * theirs.sd, theirs.n),
                 f"{factor * gap:+.3g}",
                 f"{gap / DIAMETERS[row.label]:+.3f}" if row.unit == "m" else "",
                 f"{difference_in_errors(row, theirs):+.1f}",

@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 
 from doe.common.cases import STOPPED, Row, by_case, read_rows
 from doe.common.pages import RESULTS, write_pages
-from taichi_erosion.tables.number_words import markdown_table, with_spread
+from taichi_erosion.tables.number_words import markdown_table, value_and_sd_text
 
 PICTURE = "pictures/repose_sensitivity.png"
 REFERENCE = "reference"
@@ -55,7 +55,7 @@ def remark(note: str) -> str:
 def spread(found: Found, name: str, factor: float = 1.0) -> str:
     """Value with its spread over seeds."""
     row = found[name]
-    return with_spread(factor * row.value, factor * row.sd, row.n)
+    return value_and_sd_text(factor * row.value, factor * row.sd, row.n)
 
 
 def case_table(rows: Sequence[Row], groups: Sequence[str]) -> str:

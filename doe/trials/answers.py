@@ -26,8 +26,8 @@ from taichi_erosion.evidence.answers.rounds import StudyInference
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
 from taichi_erosion.evidence.models.table_columns import NewConditions
-from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, new_rows
+from taichi_erosion.evidence.race.decision import decide_cause
+from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, rows_at
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer
 from taichi_erosion.evidence.record import DecisionPart, HeldOutPart, Interval, Record
 
@@ -62,7 +62,7 @@ def answered(problem: Problem, seed: int, asked: NewConditions | None = None) ->
     """Discover, adopt what is named or the likeliest mechanism, and predict where that is asked."""
     start = process_time()
     posterior = infer(problem, seed)
-    record = discover_record(StudyInference(posterior, decide(posterior)))
+    record = discover_record(StudyInference(posterior, decide_cause(posterior)))
     seconds = process_time() - start
     answer = kept(record, held_out(posterior, record, seed)) | {"seconds": seconds}
     return answer | ({"rows": predicted(posterior, asked)} if asked else {})
@@ -78,8 +78,8 @@ def held_out(posterior: Posterior, decided: DecisionPart, seed: int) -> HeldOutP
 
 def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, ...]]:
     """Ends of the intervals at new conditions, of the mean and of one more measurement."""
-    found = forecast(posterior, joint_rows(posterior.race, new_rows(posterior.race.prepared, asked)))
-    pairs = zip(found.intervals(found.mean), found.intervals(found.new_value), strict=True)
+    found = forecast(posterior, joint_rows(posterior.race, rows_at(posterior.race.prepared, asked)))
+    pairs = zip(found.forecast_intervals(found.mean), found.forecast_intervals(found.new_value), strict=True)
     return [(mean.low, mean.high, one.low, one.high) for mean, one in pairs]
 
 
@@ -110,7 +110,7 @@ def kept(record: Record, held: HeldOutPart | None) -> Answer:
         "probabilities": {key: p for key, p in record.probabilities.items() if p > LEAST},
         "p": record.p,
         "p_misfit": record.p_misfit,
-        "strengths": intervals({name: record.effects[name].interval for name in record.named}),
+        "strengths": intervals({name: record.effects[name].strength_range for name in record.named}),
         "parameters": intervals(record.parameters),
         "law": record.law.mechanism if record.law else "",
         "powers": intervals(record.law.powers) if record.law else {},

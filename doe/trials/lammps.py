@@ -205,7 +205,7 @@ def laboratory_run(
         if done.returncode:
             raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
         filled, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
-    found = [heap.column_height(filled), *(measure(pile) for measure in OF_PILE)]
+    found = [heap.settled_column_height(filled), *(measure(pile) for measure in OF_PILE)]
     return {one.name: one for one in found if one.value is not None}
 
 

@@ -19,12 +19,12 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.boundary_layer import (
     Profile,
-    coles_speed,
-    displacement,
+    boundary_layer_thickness,
+    displacement_thickness,
     flat_plate_thickness,
-    momentum,
-    profile_at,
-    thickness,
+    free_stream_speed_by_coles,
+    momentum_thickness,
+    wind_profile_at,
 )
 from taichi_erosion.scene.load import load_air_scene
 from taichi_erosion.scene.preparation.air import build_air
@@ -42,10 +42,10 @@ PLANE = ("air.sides.y_low.kind=symmetry", "air.sides.y_high.kind=symmetry")
 
 
 def flat_plate_friction(speed: float, thick: float, roughness: float, viscosity: float) -> float:
-    """Friction velocity under a wind aloft [m s-1]: the inverse of `coles_speed`."""
+    """Friction velocity under a wind aloft [m s-1]: the inverse of `free_stream_speed_by_coles`."""
     friction = 0.04 * speed
     for _ in range(50):  # gains a digit a round
-        friction *= speed / coles_speed(friction, thick, roughness, viscosity)
+        friction *= speed / free_stream_speed_by_coles(friction, thick, roughness, viscosity)
     return friction
 
 
@@ -77,7 +77,7 @@ def settled(setups: Sequence[AirSetup], places: Sequence[float]) -> list[list[Pr
     steps = [PASSAGES * length / (speed_of(setup) * setup.time_step) for setup in setups]
     advance_air(air, round(max(steps)))
     states = [air_snapshot(air, replica) for replica in range(len(setups))]
-    return [[profile_at(state, place) for place in places] for state in states]
+    return [[wind_profile_at(state, place) for place in places] for state in states]
 
 
 def speed_of(setup: AirSetup) -> float:
@@ -116,10 +116,10 @@ def map_row(speed: float, profile: Profile, share: float, roughness: float) -> d
         "friction_velocity": profile.friction_velocity,
         "friction_velocity_sd": share * profile.friction_velocity,
         "ratio": profile.friction_velocity / speed,
-        "wind_aloft": profile.aloft,
-        "layer_thickness": thickness(profile),
-        "displacement_thickness": displacement(profile),
-        "momentum_thickness": momentum(profile),
+        "wind_aloft": profile.wind_aloft,
+        "layer_thickness": boundary_layer_thickness(profile),
+        "displacement_thickness": displacement_thickness(profile),
+        "momentum_thickness": momentum_thickness(profile),
         "plate_thickness": plate,
         "plate_friction_velocity": flat_plate_friction(speed, plate, roughness, profile.viscosity),
     }

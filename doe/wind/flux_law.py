@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures.threshold import Bracket, flux_intercept
+from taichi_erosion.measures.threshold import Bracket, friction_velocity_at_zero_flux
 
 LINEAR, CUBIC = 0.0, 1.0  # m of both laws [1]
 LEAST_WINDS = 4  # two more than a line needs
@@ -66,6 +66,6 @@ def vanishing_wind(left: Floats, borne: Floats, measure: Floats, density: float)
 
     `left` and `borne` are the stresses of air and grains at the bed [Pa], wind by wind, `density` that of the
     air [kg m-3]. Both stresses together count, not that of the lid: the air above stores momentum. Fitted,
-    and None, as by `flux_intercept`.
+    and None, as by `friction_velocity_at_zero_flux`.
     """
-    return flux_intercept(list(zip(np.sqrt((left + borne) / density), measure, strict=True)))
+    return friction_velocity_at_zero_flux(list(zip(np.sqrt((left + borne) / density), measure, strict=True)))

@@ -15,7 +15,7 @@ from doe.common.command import words
 from doe.common.pages import write_pages
 from taichi_erosion.core.files import make_parent, write_atomic
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.threshold import Bracket, bracket_threshold, pool_beds
+from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
 from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impact
 from taichi_erosion.tables.number_words import markdown_table
 from taichi_erosion.wind.survey import Survey, scenes_of
@@ -59,7 +59,7 @@ def simulate(label: str, *seeds: str) -> None:
 def interval(beds: pd.DataFrame, name: str, scale: float = 1.0) -> str:
     """Pooled value of beds with its interval of 95 %."""
     half, values = HALVES.get(name, 1.0), [scale * value for value in beds[name].dropna()]
-    single = [bracket_threshold(name, Bracket(value / half, value * half)) for value in values]
+    single = [threshold_from_bracket(name, Bracket(value / half, value * half)) for value in values]
     pooled = pool_beds(single if half > 1.0 else [Measurement(name, value, 0.0, "") for value in values])
     if not (ends := pooled.details.get("interval")):
         return f"{pooled.value:#.3g} (one bed)"

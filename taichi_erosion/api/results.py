@@ -14,7 +14,7 @@ from taichi_erosion.api.notebook import WholeTable, frame, html
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
-from taichi_erosion.evidence.words.answer_lines import outside_text
+from taichi_erosion.evidence.words.answer_lines import out_of_range_text
 from taichi_erosion.evidence.words.part_words import acting_names
 from taichi_erosion.tables.number_words import heading
 
@@ -110,7 +110,7 @@ class RaceResult(Result):
         import xarray as xr
 
         assert self.reply.posterior is not None  # of a new answer
-        draws = self.reply.posterior.unknowns(DRAWS).items()
+        draws = self.reply.posterior.draw_numbers_and_strengths(DRAWS).items()
         columns = {name: (("chain", "draw"), values[None]) for name, values in draws}
         return xr.Dataset(columns, {"chain": [0], "draw": range(DRAWS)})
 
@@ -256,12 +256,12 @@ class PredictionResult(Result):
 
 def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
-    units = reply.units
+    units = reply.table_units
     rows = (
         {"observable": row.observable, **({"group": row.group} if row.group else {})}
         | {heading(name, unit): row.conditions[name] for name, unit in row.condition_units.items()}
         | {key: units.value(row.observable, getattr(row, key)) for key in PREDICTED[:-2]}
-        | {"unit": unit_of(units, row.observable), "outside": outside_text(row)}
+        | {"unit": unit_of(units, row.observable), "outside": out_of_range_text(row)}
         for row in reply.record.rows
     )
     return frame(rows, columns=("observable", *PREDICTED))

@@ -11,7 +11,7 @@ import tomlkit
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.words.run_words import run_warnings, with_deviation
+from taichi_erosion.evidence.words.run_words import run_warnings, with_sd_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -116,8 +116,7 @@ class Run:
 
     def __repr__(self) -> str:
         measures = (
-            f"{name} {with_deviation(each)} {each['unit']}"
-            for name, each in self.document["measures"].items()
+            f"{name} {with_sd_text(each)} {each['unit']}" for name, each in self.document["measures"].items()
         )
         return f"Run({self.document['scene']}: {', '.join(measures) or 'no measures'})"
 

@@ -8,7 +8,7 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.execution.session import LIVE_WIND, Session, saved_state
 from taichi_erosion.scene import resolve
-from taichi_erosion.scene.paths import leaves, meaning_of, number_at
+from taichi_erosion.scene.paths import describe_entry_at_path, leaves, number_entry_at_path
 
 NOT_SET = "not set"  # an entry that a scene lacks
 STEERED = ("wind", "contact", "conditions", "gravity")  # sections of a page, in its order
@@ -43,7 +43,7 @@ def entry_meaning(session: Session, path: str) -> str:
     """Meaning, unit, default and range of an entry of scenes, of effects too. Raises BadInput."""
     section, _, rest = path.partition(".")
     if section != "effects":
-        return meaning_of(path)
+        return describe_entry_at_path(path)
     library = library_at_hand(session)
     if not rest:
         return f"{path}: optional physics, effects.NAME.strength = 1 switches one on: {', '.join(library)}"
@@ -89,7 +89,7 @@ def controls(session: Session) -> list[dict[str, Any]]:
     for path, value in (unstated | dict(leaves(resolve(scene)))).items():
         section, _, name = path.partition(".")
         if section in STEERED and (section != "wind" or name in LIVE_WIND) and not isinstance(value, list):
-            if number := number_at(path):
+            if number := number_entry_at_path(path):
                 rows.append((path, value, number.unit, number.low, number.high))
     for name, effect in library_at_hand(session).items():
         entries = scene.effects.get(name, {})

@@ -120,13 +120,13 @@ def study(
 
     Raises BadInput for a file that is none and for a budget that is none; its commands do for faults in it.
     """
-    from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
+    from taichi_erosion.evidence.models.load_study import StudyOptions, plan_and_run_limit
     from taichi_erosion.scene.load import refuse_other_kind
 
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
-    size = stated_budget(budget)
+    size = plan_and_run_limit(budget)
     files = tuple(map(Path, effect_files))
     options = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
     return Study(Path(path), options)
@@ -155,7 +155,7 @@ def new_study(
     Raises BadInput with all faults of the table.
     """
     from taichi_erosion.evidence.answers.new_study import NewStudyOptions
-    from taichi_erosion.evidence.answers.new_study import new_study as write_study
+    from taichi_erosion.evidence.answers.new_study import write_new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 
     if "scene" in grains:

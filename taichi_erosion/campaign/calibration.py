@@ -24,8 +24,8 @@ from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design import Design, design_text
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.scene import resolve, scene_hash
-from taichi_erosion.scene.load import file_text, parse_scene
-from taichi_erosion.scene.paths import parse_value
+from taichi_erosion.scene.load import parse_scene, read_text_of_file
+from taichi_erosion.scene.paths import parse_toml_value
 from taichi_erosion.scene.schema.geometry import Mesh
 
 Document = dict[str, Any]
@@ -231,12 +231,12 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
     import tomlkit
 
     after = read_scene(scene, tuple(overrides))
-    lines = file_text(scene, str(scene)).splitlines(keepends=True)
+    lines = read_text_of_file(scene, str(scene)).splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
     try:
         for override in overrides:
             path, _, value = override.partition("=")
-            text = with_entry(text, path.strip().split("."), parse_value(value.strip()))
+            text = with_entry(text, path.strip().split("."), parse_toml_value(value.strip()))
         is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(after)
     except BadInput:
         is_same = False

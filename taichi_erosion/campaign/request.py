@@ -24,7 +24,7 @@ from taichi_erosion.core.setup import Arch, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
-from taichi_erosion.scene.preparation.sizes import template_spheres
+from taichi_erosion.scene.preparation.sizes import spheres_of_clump
 
 Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
@@ -92,7 +92,7 @@ def request_of(
     payload = {
         "scene": resolve(scene),
         "folder": str(scene.folder.resolve()),
-        "effect_files": [[str(file.path), file.text] for file in scene.effect_files],
+        "effect_files": [[str(file.path), file.text] for file in scene.effect_files_of_scene],
         "seed": seed,
         "record": None if record is None else str(record.resolve()),
         "properties": {group: dict(columns) for group, columns in (properties or {}).items()},
@@ -131,7 +131,7 @@ def work_of(scene: Scene) -> float:
 
     with suppress(BadInput):  # impossible with its effects: as without
         scene = effective_scene(scene, checks.library_of(scene))
-    spheres = scene.grains.count * (len(template_spheres(scene.grains.clump)) if scene.grains.clump else 1)
+    spheres = scene.grains.count * (len(spheres_of_clump(scene.grains.clump)) if scene.grains.clump else 1)
     return spheres * sum(stage.duration_max for stage in scene.stages) / time_step(scene)
 
 

@@ -212,7 +212,7 @@ def sweep(
 
 def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
     """Validate a scene and print its hash."""
-    from taichi_erosion.evidence.words.run_words import consequences
+    from taichi_erosion.evidence.words.run_words import set_up_consequences
     from taichi_erosion.execution import check_scene
 
     document = check_scene(scene, overrides, effects, examine_effect)
@@ -221,7 +221,7 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
         typer.echo(f"{scene}: valid, hash {record['hash']}")
         output.print_lines(output.effect_check_lines(record["effects"]))
         output.print_lines(record.get("limits", {}).get("warnings", ()), output.WARNING)
-        output.print_lines(consequences(record))
+        output.print_lines(set_up_consequences(record))
 
     output.print_result(document, as_json, print_text)
 
@@ -391,14 +391,14 @@ def profile(
     as_json: AsJson = False,
 ) -> None:
     """Measure angle, height and radius of scanned heaps; write a table with a row a heap for `study new`."""
-    from taichi_erosion.measures.profile import heaps_of_table, write_heaps
+    from taichi_erosion.measures.profile import measure_heap_table, write_heap_table
     from taichi_erosion.tables.cell_numbers import stated_number
 
     csv_file = to or table.with_name(f"{table.stem}_heaps.csv")
     refuse_foreign(csv_file, table, force)
     grain = stated_number(diameter, "m", "--diameter", "2mm") if diameter else 0.0
-    columns, rows = heaps_of_table(table, place, height, grain)
-    write_heaps(csv_file, columns, rows)
+    columns, rows = measure_heap_table(table, place, height, grain)
+    write_heap_table(csv_file, columns, rows)
     record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(csv_file)}
     if as_json:
         return output.print_json(record)
@@ -474,10 +474,10 @@ def schema(
     """Write the JSON schema of scene or study files, for completion and checks in editors."""
     from taichi_erosion.campaign.study_file import write_study_schema
     from taichi_erosion.scene import write_schema
-    from taichi_erosion.scene.paths import meaning_of
+    from taichi_erosion.scene.paths import describe_entry_at_path
 
     if entry is not None:
-        typer.echo(meaning_of(entry))
+        typer.echo(describe_entry_at_path(entry))
         return
     target = to or Path("doe/study.schema.json" if study else "scenes/scene.schema.json")
     if not target.parent.is_dir():

@@ -284,16 +284,16 @@ def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
     if not path.is_file():
         return {}, {}
     from taichi_erosion.campaign.study_file import read_evidence_study
-    from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
-    from taichi_erosion.evidence.models.table_columns import declared_conditions
+    from taichi_erosion.evidence.models.simulator import condition_name_of_dotted_path, dotted_paths
+    from taichi_erosion.evidence.models.table_columns import declared_units_of_study
     from taichi_erosion.scene.schema.units import parse_scale
 
     file = read_evidence_study(path)
     if file.study.model is not None:
         return dict(file.conditions), {}
-    units = declared_conditions(file, path.parent)
+    units = declared_units_of_study(file, path.parent)
     set_by = {
-        column: next(filter(None, map(condition_name, dotted_paths(paths))), "")
+        column: next(filter(None, map(condition_name_of_dotted_path, dotted_paths(paths))), "")
         for column, paths in file.conditions.items()
     }
     return set_by, {name: parse_scale(unit).factor for name, unit in units.items()}

@@ -63,9 +63,9 @@ def options_of(
     ] = False,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
-    from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
+    from taichi_erosion.evidence.models.load_study import StudyOptions, plan_and_run_limit
 
-    named, runs = stated_budget(budget)
+    named, runs = plan_and_run_limit(budget)
     return StudyOptions(named, runs, workers, seed, tuple(effect or ()), announce, arch, decomposition, force)
 
 
@@ -254,7 +254,7 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
-    from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
+    from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
     from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 
     table_options = TableOptions(
@@ -264,7 +264,7 @@ def new(
     more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
     own_files = (*own_files, pairs(sd, "--sd"), fill_down, *more)
     wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *own_files)
-    document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
+    document = write_new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
     output.print_result(document, as_json, output.print_new_study)
 
 

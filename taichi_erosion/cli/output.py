@@ -86,14 +86,14 @@ def print_run(document: Record, verbose: bool = False) -> None:
     typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
     table = words.run_table(document)
     print_table("", table.columns, table.rows)
-    warnings = [*words.comparisons(document), *dict.fromkeys(words.steadiness(document))]
+    warnings = [*words.compare_words(document), *dict.fromkeys(words.steady_window_texts(document))]
     warnings += (f"{WARNING}{line}" for line in words.run_warnings(document))
     if not verbose and len(warnings) > MOST_TOLD:
         warnings = [*warnings[:MOST_TOLD], f"{len(warnings) - MOST_TOLD} more: --verbose"]
     print_lines(warnings)
     if verbose:
         print_lines(words.run_notes(document), "note: ")
-        typer.echo(words.cost_and_origin(document))
+        typer.echo(words.run_cost_and_origin(document))
     print_lines(words.next_steps(document))
 
 
@@ -107,9 +107,9 @@ def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
 
 def print_measurement(record: Record) -> None:
     """Print a value measured in a photograph, its notes, and where it shows what was detected."""
-    from taichi_erosion.evidence.words.run_words import with_deviation
+    from taichi_erosion.evidence.words.run_words import with_sd_text
 
-    typer.echo(f"{record['name']} = {with_deviation(record)} {record['unit']}")
+    typer.echo(f"{record['name']} = {with_sd_text(record)} {record['unit']}")
     print_lines(record["notes"], "note: ")
     typer.echo(f"what was detected: {record['picture']}")
 

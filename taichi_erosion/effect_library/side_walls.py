@@ -38,7 +38,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if scene.wind is not None:
         raise BadInput("effects.side_walls: a patch under wind is periodic across and has no sides")
     grain = scene.grains.material
-    contact = scene.contact_of(grain, grain) if grain else None
+    contact = scene.contact_of_materials(grain, grain) if grain else None
     if grain is None or contact is None or PANE in scene.materials:
         raise BadInput(f"effects.side_walls: needs one kind of grains and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding

@@ -68,7 +68,7 @@ class EffectPart:
     most: float = 3.0  # largest strength of the list
 
     @property
-    def interval(self) -> Interval:
+    def strength_range(self) -> Interval:
         """Strength where it acts."""
         return Interval(self.strength, self.strength_low, self.strength_high)
 
@@ -288,7 +288,7 @@ class RowsPart:
     before: Column
     after: Column
 
-    def gap(self, predicted: Floats) -> Floats:
+    def residuals(self, predicted: Floats) -> Floats:
         """Measured less predicted; 0 within a limit and an interval."""
         return np.clip(predicted, self.low, self.high) - predicted
 

@@ -11,9 +11,9 @@ from taichi_erosion.core.effect_file import EffectFile, effect_in, read_effect_f
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.observables import OBSERVABLES, measure_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
-from taichi_erosion.scene import Scene, explain, laws, load_scene, resolve, scene_hash
+from taichi_erosion.scene import Scene, laws, load_scene, resolve, scene_hash, step_report
 from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
-from taichi_erosion.scene.preparation.air import air_time_step, longest_step
+from taichi_erosion.scene.preparation.air import air_time_step, stable_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
@@ -72,7 +72,7 @@ def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
 
 def setup_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits and warnings of a scene; SI units."""
-    report = explain(scene)
+    report = step_report(scene)
     if not scene.effects:
         return report
     library = library_of(scene)
@@ -92,7 +92,7 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
 
 def idle_warnings(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
-    if not files and not scene.effects and not any(scene.conditions.stated_values().values()):
+    if not files and not scene.effects and not any(scene.conditions.values_in_si().values()):
         return []  # and the device is not imported
     names = [name for file in files if (name := effect_in(file).name) not in scene.effects]
     reasons = {name: f"the scene does not name it; --set effects.{name}.strength=1" for name in names}
@@ -108,7 +108,7 @@ def idle_reason(scene: Scene, effect: Any) -> str:
 
     if scene.effects[effect.name].get("strength") == 0.0:
         return ""
-    conditions, possible = scene.conditions.stated_values(), can_act(scene, effect)
+    conditions, possible = scene.conditions.values_in_si(), can_act(scene, effect)
     if possible and makes_difference(scene, effect):
         return ""
     if effect.place == "instrument":
@@ -126,7 +126,7 @@ def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
 
     library = load_library(dict.fromkeys((*scene_effect_files(scene), *files)))
     read = {name for effect in scene.effects for name in library[effect].reads}
-    unread = {n: value for n, value in scene.conditions.stated_values().items() if value and n not in read}
+    unread = {n: value for n, value in scene.conditions.values_in_si().items() if value and n not in read}
     for name, value in unread.items():
         readers = [each for each in library.values() if name in each.reads]
         acting = [each for each in readers if would_act(scene, each)]
@@ -172,7 +172,7 @@ def library_of(*scenes: Scene) -> dict[str, Any]:
         return {}
     from taichi_erosion.effect_library import load_library
 
-    return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files))
+    return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files_of_scene))
 
 
 def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
@@ -194,12 +194,12 @@ def check_scene(
     examined: list[dict[str, Any]] = []
     if is_air_scene(path):
         scene = read_air_scene(path, overrides)
-        limits = {"time_step": air_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
+        limits = {"time_step": air_time_step(scene), "time_step_longest": stable_step(scene), "warnings": []}
     else:
         named = named_effects(effect_files)
         scene = read_scene(path, overrides, named)
         if examine is not None:
-            examined = [examine(file) for file in dict.fromkeys((*scene.effect_files, *named))]
+            examined = [examine(file) for file in dict.fromkeys((*scene.effect_files_of_scene, *named))]
         if scene.effects:
             from taichi_erosion.scene.preparation.sizes import size_range
             from taichi_erosion.simulation.scene_setup import device_effects, effective_scene

@@ -26,9 +26,9 @@ from taichi_erosion.measures import (
 )
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.preparation.air import surface_height
+from taichi_erosion.scene.preparation.air import bed_surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.scene.preparation.walls import revolved_rows
+from taichi_erosion.scene.preparation.walls import surface_of_revolution_rows
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.geometry import ORIGIN, Cone, Cylinder, Disc, Funnel, Plane, Wall
 from taichi_erosion.scene.schema.scene import SPLASH, Measure
@@ -54,7 +54,7 @@ class MeasureInput:
     profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
     window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
-    loads: tuple[Floats, ...] = ()  # `wall_loads` and shifts of the frames, where a measure reads them
+    loads: tuple[Floats, ...] = ()  # of walls, and shifts of the frames, where a measure reads them
     poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
     network: Callable[[], ContactNetwork] | None = None  # contacts at the end
 
@@ -99,7 +99,7 @@ class MeasureInput:
     @property
     def area(self) -> float:
         """Area that the measure states, or that of the periodic patch [m2]."""
-        return self.request.area or prod(self.scene.patch_size or ())
+        return self.request.area or prod(self.scene.periods_xy or ())
 
     @property
     def base_height(self) -> float:
@@ -128,19 +128,19 @@ class MeasureInput:
         for name, wall in self.scene.geometry.items() if inside.size else ():
             pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
             if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and pose.has_moved):
-                rows = np.array(revolved_rows(wall))
+                rows = np.array(surface_of_revolution_rows(wall))
                 ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
-                if pose.present and lowest > self.base_height + heap.grain_diameter(self.end):
+                if pose.present and lowest > self.base_height + heap.median_diameter_by_volume(self.end):
                     as_built = (self.end.position - pose.translation) @ pose.rotation
-                    inside |= heap.is_inside(rows, as_built)
+                    inside |= heap.inside_surface_of_revolution(rows, as_built)
         return inside
 
     @cached_property
     def heap(self) -> Snapshot:
         """The heap alone at the end: without grains that fell off a round plate or are held above it."""
         away = self.grains_off_plate | self.grains_in_tube
-        return heap.chosen_grains(self.end, ~away) if away.any() else self.end
+        return heap.select_grains(self.end, ~away) if away.any() else self.end
 
     @property
     def fallen_grains(self) -> int:
@@ -156,14 +156,14 @@ class MeasureInput:
     @cached_property
     def landings(self) -> splash.Splash:
         """Landings of grains in steady transport."""
-        return splash.splash(self.steady_frames, self.patch, self.scene.gravity.magnitude)
+        return splash.count_splash_events(self.steady_frames, self.patch, self.scene.gravity.magnitude)
 
 
 def patch_of(scene: Scene) -> wind_bed.Patch:
     """The patch under the wind of a scene that has one."""
     wind = scene.wind
     assert wind is not None
-    diameter, surface = nominal_diameter(scene.grains), surface_height(scene, wind)
+    diameter, surface = nominal_diameter(scene.grains), bed_surface_height(scene, wind)
     return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
@@ -177,7 +177,7 @@ def drum_angle(state: MeasureInput) -> Measurement:
 
 def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a threshold that the search has bracketed."""
-    return lambda state: threshold.bracket_threshold(name, state.thresholds.get(kind))
+    return lambda state: threshold.threshold_from_bracket(name, state.thresholds.get(kind))
 
 
 def ratio_of(name: str, impact: str) -> Callable[[MeasureInput], Measurement]:
@@ -200,7 +200,7 @@ def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
 
 def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
-    return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
+    return lambda state: wall_loads.value_at_peak_ratio(name, state.wall_load, state.axis, state.area)
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
@@ -213,34 +213,34 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "centroid_height": lambda e: heap.centroid_height(e.heap, e.base_height),
     "radius_90": lambda e: heap.radius_90(e.heap),
     "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
-    "column_height": lambda e: heap.column_height(e.heap, e.base_height),
-    "wall_force": lambda e: wall_loads.force_along(e.wall_load, e.axis),
+    "column_height": lambda e: heap.settled_column_height(e.heap, e.base_height),
+    "wall_force": lambda e: wall_loads.mean_force_along_axis(e.wall_load, e.axis),
     "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
-    "friction_angle": lambda e: wall_loads.friction_angle(e.wall_load, e.axis),
+    "friction_angle": lambda e: wall_loads.peak_friction_angle(e.wall_load, e.axis),
     "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
     **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
     "dynamic_angle": drum_angle,
-    "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
-    "mass_flow": lambda e: mass_flow.mass_flow(
+    "sliding_angle": lambda e: drum_and_incline.angle_at_which_grains_slide(e.frames, e.tilts),
+    "mass_flow": lambda e: mass_flow.mass_flow_rate(
         e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
     ),
     "solid_fraction": of_fields("solid_fraction"),
     "lateral_stress_ratio": of_fields("lateral_stress_ratio"),
-    "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
+    "settling_velocity": lambda e: wind_bed.mean_settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),
-    "flux": lambda e: wind_bed.flux(e.steady_frames, e.patch),
-    "flux_height": lambda e: wind_bed.flux_height(e.steady_frames, e.patch),
-    "bed_stress": lambda e: wind_bed.bed_stress(e.steady_airs, e.patch),
-    "grain_stress": lambda e: wind_bed.grain_stress(e.steady_airs, e.patch),
+    "flux": lambda e: wind_bed.mean_sand_flux(e.steady_frames, e.patch),
+    "flux_height": lambda e: wind_bed.flux_decay_height(e.steady_frames, e.patch),
+    "bed_stress": lambda e: wind_bed.mean_air_stress_at_bed(e.steady_airs, e.patch),
+    "grain_stress": lambda e: wind_bed.mean_grain_stress_at_bed(e.steady_airs, e.patch),
     "rebound_share": lambda e: splash.rebound_share(e.landings),
-    "rebound_speed": lambda e: splash.rebound_speed(e.landings),
+    "rebound_speed": lambda e: splash.rebound_speed_ratio(e.landings),
     "ejecta_share": lambda e: splash.ejecta_share(e.landings),
     "rolling_onset": threshold_of("rolling_onset", "rolling_onset"),
     "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
     "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
     "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
-    threshold.LINE: lambda e: threshold.line_threshold(e.thresholds.get(threshold.LINE)),
+    threshold.LINE: lambda e: threshold.threshold_from_line(e.thresholds.get(threshold.LINE)),
     "threshold_ratio": ratio_of("threshold_ratio", "impact_threshold"),
     "threshold_ratio_linear": ratio_of("threshold_ratio_linear", "impact_threshold_linear"),
     "threshold_wind_speed": lambda e: threshold.tunnel_speed(
@@ -257,10 +257,10 @@ def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Itera
     """Whether the heap is large enough for an angle."""
     state = heap_state.heap
     measured = heap_state.scene.measured.get(measurement.name)
-    if heap.defect(state) or (measured is not None and measured.same_size):
+    if heap.why_snapshot_unmeasurable(state) or (measured is not None and measured.same_size):
         return ()
     height = measurement.details.get("height") or heap.pile_height(state, heap_state.base_height).value
-    rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
+    rows = shortfalls.grain_rows_on_flank(height, heap.median_diameter_by_volume(state))
     goal = nan if measured is None else measured.value
     poured = heap_state.scene.fill.law == "pour"
     lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, goal, measurement.value)
@@ -284,10 +284,10 @@ def small_heap(scene: Scene, name: str, angles: Floats) -> str:
 def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     """Whether the surface in a drum is wide enough for a slope."""
     wall = state.scene.geometry.get(state.request.plate or "")
-    if not isinstance(wall, Cylinder) or heap.defect(state.end):
+    if not isinstance(wall, Cylinder) or heap.why_snapshot_unmeasurable(state.end):
         return ()
     width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
-    return shortfalls.surface_shortfalls(width / heap.grain_diameter(state.end))
+    return shortfalls.surface_shortfalls(width / heap.median_diameter_by_volume(state.end))
 
 
 def hop_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
@@ -307,7 +307,7 @@ OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  #
 def measure(name: str, state: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
     if (kind := state.request.kind) is not None:
-        of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))
+        of_kind = (heap.select_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))
         end, *frames = of_kind
         state = replace(state, end=end, frames=tuple(frames))
     if state.request.file is not None:
@@ -318,7 +318,7 @@ def measure(name: str, state: MeasureInput) -> Measurement:
         return no_measurement(name, measurement.unit, reason)
     lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
     if state.window and name in OF_TRANSPORT:
-        measurement = replace(measurement, details=measurement.details | state.window.details)
+        measurement = replace(measurement, details=measurement.details | state.window.window_details)
         lacking += state.window.lacking
     if state.fallen_words and name in OF_HEAP:
         notes = (*measurement.notes, state.fallen_words)

@@ -17,7 +17,7 @@ from taichi_erosion.execution.grain_fields import fields_now
 from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.stages import whole_intervals
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.measures.wind_bed import sand_flux_of_frame
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.air_recording import log_fields, log_profile
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
@@ -152,7 +152,7 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
         log_profile(recorder.recording, air.velocity[:, 0], air.face)
         patch = patch_of(scene)
         values = {
-            "flux": flux_of(now, patch),
+            "flux": sand_flux_of_frame(now, patch),
             "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
             "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
         }

@@ -46,10 +46,10 @@ from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import film_frame, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
-from taichi_erosion.scene import Scene, build_setup, laws
+from taichi_erosion.scene import Scene, laws, replica_setup
 from taichi_erosion.scene.preparation.contacts import contact_table
-from taichi_erosion.scene.preparation.fill import inlets_from
-from taichi_erosion.scene.preparation.setup import joined_grains
+from taichi_erosion.scene.preparation.fill import pour_with_inlets_open
+from taichi_erosion.scene.preparation.setup import append_grains_by_release
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.saved_state import without_grains
@@ -258,20 +258,20 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
 
 
 def insert(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
-    """Let grains of the scene's kinds and sizes in from now on, as `inlets_from` says. Raises BadInput."""
+    """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
     keep_state(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
     if count < 1 or setup.clumps is not None or (count > 1 and not any(setup.gravity)):
         raise BadInput("insert: one sphere or more, with gravity, without which they would not fall clear")
     sample = {"grains": scene.grains.model_copy(update={"count": count})}
-    fill = {"fill": inlets_from(scene, session.time, at, inlet, setup.grains.release_time.max())}
-    new = build_setup(scene.model_copy(update=sample | fill), session.seed + len(setup.grains.mass)).grains
+    fill = {"fill": pour_with_inlets_open(scene, session.time, at, inlet, setup.grains.release_time.max())}
+    new = replica_setup(scene.model_copy(update=sample | fill), session.seed + len(setup.grains.mass)).grains
     here, first = simulation.snapshot(session.sim, 0), new.release_time <= session.time
     gaps = cdist(new.position[first], here.position) - new.radius[first][:, None] - here.radius
     if gaps.min(initial=inf) < 0.0:
         raise BadInput("insert: a grain lies there already; name another place")
     state, place = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
-    grains = joined_grains(setup.grains, int(state["released"][0] + state["removed"][0]), new)
+    grains = append_grains_by_release(setup.grains, int(state["released"][0] + state["removed"][0]), new)
     place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
     sim = build(session.scene, session.seed, session.library, grains).sim
     adopt(session, sim, state, f"insert {count}{place}")

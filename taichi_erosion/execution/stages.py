@@ -15,10 +15,10 @@ from taichi_erosion.execution.grain_fields import fields_now
 from taichi_erosion.execution.observables import MeasureInput, measure, patch_of
 from taichi_erosion.execution.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.wall_loads import wall_loads
-from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_share
+from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
+from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_ratio
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.preparation.walls import motion_of
+from taichi_erosion.scene.preparation.walls import motion_of_wall_order
 from taichi_erosion.scene.schema.scene import OF_WALLS, Stage
 from taichi_erosion.simulation import Simulation
 
@@ -86,7 +86,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     for name in stage.remove:
         simulation.remove_surface(sim, replica, name)
     for name, order in stage.move.items():
-        simulation.move_surface(sim, replica, name, motion_of(order))
+        simulation.move_surface(sim, replica, name, motion_of_wall_order(order))
     if stage.friction_velocity is not None:
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
@@ -134,7 +134,7 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
             state.airs.append(simulation.air_profile(sim, replica))
         if set(OF_WALLS) & set(measured_in(scene, state.stage)):
             loads, poses = (
-                wall_loads(simulation.contact_network(sim, replica)),
+                forces_and_torques_on_walls(simulation.contact_network(sim, replica)),
                 simulation.wall_poses(sim, replica),
             )
             state.loads.append(np.hstack([loads, [pose.translation for pose in poses.values()]]))
@@ -233,4 +233,4 @@ def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -
     patch, stress = patch_of(scene), wind.density * friction**2
     times = [frame.time - states[0].began for frame in states[0].frames]
     hop = HOP_TIME * friction / scene.gravity.magnitude
-    return steady_window(times, [stress_share(state.airs, patch, stress) for state in states], hop)
+    return steady_window(times, [stress_ratio(state.airs, patch, stress) for state in states], hop)

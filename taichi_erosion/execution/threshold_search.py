@@ -22,7 +22,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.threshold import Bracket, flux_intercept
+from taichi_erosion.measures.threshold import Bracket, friction_velocity_at_zero_flux
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.simulation import Simulation, air_profile, export_bed, import_bed, snapshot, spin_up_wind
@@ -246,7 +246,7 @@ def after_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
     if in_motion:
         return now * factor
     search.brackets["impact_threshold"] = Bracket(now, now / factor)
-    if (line := flux_intercept(search.fluxes)) is not None:
+    if (line := friction_velocity_at_zero_flux(search.fluxes)) is not None:
         search.brackets["impact_threshold_linear"] = line
     return None
 

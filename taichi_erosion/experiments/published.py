@@ -31,7 +31,7 @@ from taichi_erosion.experiments.design import Factor, to_coded
 from taichi_erosion.experiments.fit import Order
 from taichi_erosion.tables.cell_numbers import CellFault, plain_cell, read_cell
 from taichi_erosion.tables.headings import SCATTER, meaning_of, plain_words
-from taichi_erosion.tables.spreadsheet import read_cells
+from taichi_erosion.tables.spreadsheet import read_table_cells
 
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low
@@ -193,7 +193,7 @@ class Sheet:
 def read_sheet(path: Path) -> Sheet:
     """Cells of a text file or a workbook by heading. Raises BadInput."""
     faults = list[str]()
-    cells = read_cells(path, str(path), faults)
+    cells = read_table_cells(path, str(path), faults)
     if faults or not cells.rows:
         raise BadInput(faults[0] if faults else f"{path}: holds no table")
     names = [

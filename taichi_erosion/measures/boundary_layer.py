@@ -37,12 +37,12 @@ class Profile:
     viscosity: float  # m2 s-1
 
     @property
-    def aloft(self) -> float:
+    def wind_aloft(self) -> float:
         """Fastest wind of the profile [m s-1]."""
         return float(self.speed.max())
 
 
-def profile_at(state: AirSnapshot, place: float | None) -> Profile:
+def wind_profile_at(state: AirSnapshot, place: float | None) -> Profile:
     """Profile at a place along x [m], between cells by straight lines; left out: the mean along x."""
     across = state.velocity[..., 0].mean(axis=1)
     friction = state.friction_velocity.mean(axis=1)
@@ -54,9 +54,9 @@ def profile_at(state: AirSnapshot, place: float | None) -> Profile:
     return Profile(state.z - state.faces_z[0], speed, floor, state.viscosity)
 
 
-def thickness(profile: Profile) -> float:
+def boundary_layer_thickness(profile: Profile) -> float:
     """Height at which the wind reaches EDGE of the wind aloft [m]."""
-    edge = EDGE * profile.aloft
+    edge = EDGE * profile.wind_aloft
     above = int(np.argmax(profile.speed >= edge))
     if above == 0:
         return float(profile.z[0])
@@ -64,23 +64,23 @@ def thickness(profile: Profile) -> float:
     return float(np.interp(edge, u, z))
 
 
-def displacement(profile: Profile) -> float:
+def displacement_thickness(profile: Profile) -> float:
     """Displacement thickness [m]: integral of 1 - u / U up to twice the thickness of the layer."""
-    z, share = inner_profile(profile)
+    z, share = inner_profile_of(profile)
     return float(np.trapezoid(1.0 - share, z))
 
 
-def momentum(profile: Profile) -> float:
+def momentum_thickness(profile: Profile) -> float:
     """Momentum thickness [m]: integral of u / U (1 - u / U) up to twice the thickness of the layer."""
-    z, share = inner_profile(profile)
+    z, share = inner_profile_of(profile)
     return float(np.trapezoid(share * (1.0 - share), z))
 
 
-def inner_profile(profile: Profile) -> tuple[Floats, Floats]:
+def inner_profile_of(profile: Profile) -> tuple[Floats, Floats]:
     """Heights [m] from the floor to twice the thickness of the layer, and u / U there, at most 1."""
     z, u = np.append(0.0, profile.z), np.append(0.0, profile.speed)
-    inside = z <= 2.0 * thickness(profile)
-    return z[inside], np.minimum(u[inside] / profile.aloft, 1.0)
+    inside = z <= 2.0 * boundary_layer_thickness(profile)
+    return z[inside], np.minimum(u[inside] / profile.wind_aloft, 1.0)
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class LogFit:
 def log_fit(profile: Profile, karman: float) -> LogFit | None:
     """Fit of  u = (u* / kappa) ln(z / z0)  to the logarithmic part of a profile; None with too few points."""
     low = LOG_LOW * profile.viscosity / max(profile.friction_velocity, np.finfo(float).tiny)
-    inside = (profile.z > low) & (profile.z < LOG_HIGH * thickness(profile))
+    inside = (profile.z > low) & (profile.z < LOG_HIGH * boundary_layer_thickness(profile))
     if inside.sum() < POINTS_LEAST:
         return None
     line: Any = scipy.stats.linregress(np.log(profile.z[inside]), profile.speed[inside])
@@ -114,28 +114,28 @@ class AirMeasureInput:
     karman: float
 
     @property
-    def profiles(self) -> list[Profile]:
+    def wind_profiles(self) -> list[Profile]:
         """Profiles at the place, one a state."""
-        return [profile_at(state, self.place) for state in self.states]
+        return [wind_profile_at(state, self.place) for state in self.states]
 
 
-def mean_over_time(
+def measure_of_time_mean(
     name: str, unit: str, number: Callable[[Profile], float]
 ) -> Callable[[AirMeasureInput], Measurement]:
     """Measure of the mean of one number over the states; `sd` is its standard deviation over them."""
 
-    def measure(air: AirMeasureInput) -> Measurement:
-        values = [number(profile) for profile in air.profiles]
+    def measure_time_mean(air: AirMeasureInput) -> Measurement:
+        values = [number(profile) for profile in air.wind_profiles]
         sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
         return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
-    return measure
+    return measure_time_mean
 
 
 def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
     """Friction velocity from the slope of the logarithmic part, as a laboratory reads it [m s-1]."""
     name = "friction_velocity_fit"
-    fits = [fit for profile in air.profiles if (fit := log_fit(profile, air.karman)) is not None]
+    fits = [fit for profile in air.wind_profiles if (fit := log_fit(profile, air.karman)) is not None]
     if not fits:
         return no_measurement(name, "m s-1", f"fewer than {POINTS_LEAST} points in the logarithmic part")
     values = [fit.friction_velocity for fit in fits]
@@ -147,13 +147,13 @@ def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
 
 # speed_least: in a cavity, how fast the air returns
 AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
-    "layer_thickness": mean_over_time("layer_thickness", "m", thickness),
-    "displacement_thickness": mean_over_time("displacement_thickness", "m", displacement),
-    "momentum_thickness": mean_over_time("momentum_thickness", "m", momentum),
-    "friction_velocity": mean_over_time("friction_velocity", "m s-1", lambda p: p.friction_velocity),
+    "layer_thickness": measure_of_time_mean("layer_thickness", "m", boundary_layer_thickness),
+    "displacement_thickness": measure_of_time_mean("displacement_thickness", "m", displacement_thickness),
+    "momentum_thickness": measure_of_time_mean("momentum_thickness", "m", momentum_thickness),
+    "friction_velocity": measure_of_time_mean("friction_velocity", "m s-1", lambda p: p.friction_velocity),
     "friction_velocity_fit": friction_velocity_fit,
-    "wind_aloft": mean_over_time("wind_aloft", "m s-1", lambda p: p.aloft),
-    "speed_least": mean_over_time("speed_least", "m s-1", lambda p: float(p.speed.min())),
+    "wind_aloft": measure_of_time_mean("wind_aloft", "m s-1", lambda p: p.wind_aloft),
+    "speed_least": measure_of_time_mean("speed_least", "m s-1", lambda p: float(p.speed.min())),
 }
 
 
@@ -169,7 +169,7 @@ def flat_plate_thickness(speed: float, distance: float, viscosity: float) -> flo
     return GROWTH * distance * (speed * distance / viscosity) ** -0.2
 
 
-def coles_speed(friction: float, thick: float, roughness: float, viscosity: float) -> float:
+def free_stream_speed_by_coles(friction: float, thick: float, roughness: float, viscosity: float) -> float:
     """Wind aloft over a layer with Coles' wake [m s-1].
 
     U / u* = (1 / kappa) ln(delta / z0e) + 2 Pi / kappa,    z0e = z0 + 0.11 nu / u*,  Pi = 0.55, kappa = 0.40

@@ -50,12 +50,12 @@ class Kernel:
         form = ",".join(f"n{letter}" for letter in letters) + f",nk->{letters}k"
         for first in range(0, len(place), CHUNK):
             part = slice(first, first + CHUNK)
-            factors = [self.factor(name, place[part, AXES.index(name)]) for name in self.at]
+            factors = [self.kernel_along_axis(name, place[part, AXES.index(name)]) for name in self.at]
             total += np.einsum(form, *factors, flat[part], optimize=True)
         total /= np.prod([self.extent[name] for name in AXES if name not in self.at])
         return total.reshape(*total.shape[:-1], *inner)
 
-    def factor(self, name: str, place: Floats) -> Floats:
+    def kernel_along_axis(self, name: str, place: Floats) -> Floats:
         """The kernel along one axis, [n, coordinates] m-1, with the images of a period."""
         away, period = self.at[name] - place[:, None], self.period[AXES.index(name)]
         images = [0.0]
@@ -111,7 +111,7 @@ def contact_stress(network: ContactNetwork, kernel: Kernel) -> Floats:
     return np.sum(list(parts), axis=0)
 
 
-def profile_measure(name: str, state: Snapshot, fields: GrainFields, values: Floats) -> Measurement:
+def mean_over_middle_of_bed(name: str, state: Snapshot, fields: GrainFields, values: Floats) -> Measurement:
     """Mean of a pure number over the middle of a bed, and its standard deviation along the height."""
     values = values.ravel()
     low, high = np.percentile(state.position[:, 2], MIDDLE) if len(state.mass) else (0.0, 0.0)
@@ -124,7 +124,7 @@ def profile_measure(name: str, state: Snapshot, fields: GrainFields, values: Flo
 
 def solid_fraction(state: Snapshot, fields: GrainFields) -> Measurement:
     """Solid fraction in the middle of a bed [1]."""
-    return profile_measure("solid_fraction", state, fields, fields.solid_fraction)
+    return mean_over_middle_of_bed("solid_fraction", state, fields, fields.solid_fraction)
 
 
 def lateral_stress_ratio(state: Snapshot, fields: GrainFields) -> Measurement:
@@ -132,4 +132,4 @@ def lateral_stress_ratio(state: Snapshot, fields: GrainFields) -> Measurement:
     stress = fields.contact_stress + fields.kinetic_stress
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = 0.5 * (stress[..., 0, 0] + stress[..., 1, 1]) / stress[..., 2, 2]
-    return profile_measure("lateral_stress_ratio", state, fields, ratio)
+    return mean_over_middle_of_bed("lateral_stress_ratio", state, fields, ratio)

@@ -10,7 +10,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Triple
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.heap import defect, grain_diameter
+from taichi_erosion.measures.heap import median_diameter_by_volume, why_snapshot_unmeasurable
 from taichi_erosion.measures.result import Measurement, no_measurement
 
 MIDDLE_SHARE = 0.5  # of the drum radius: the surface is straight there; the ends curve at the wall [1]
@@ -18,9 +18,9 @@ FEWEST_BINS = 3  # that carry a line [1]
 SLIDING_SHARE = 0.5  # of a diameter: far beyond elastic settling, and passed at once by a moving grain [1]
 
 
-def series_defect(frames: Sequence[Snapshot]) -> str | None:
+def why_frames_unmeasurable(frames: Sequence[Snapshot]) -> str | None:
     """Why nothing can be measured on these frames, if so."""
-    return next(filter(None, map(defect, frames)), None) if frames else "no frames"
+    return next(filter(None, map(why_snapshot_unmeasurable, frames)), None) if frames else "no frames"
 
 
 def dynamic_angle(
@@ -38,7 +38,7 @@ def dynamic_angle(
     surface rises along `axis` x z.
     """
     name = "dynamic_angle"
-    if reason := series_defect(frames):
+    if reason := why_frames_unmeasurable(frames):
         return no_measurement(name, "deg", reason)
     angles = [surface_angle(frame, drum_radius, centre, axis) for frame in frames]
     measured = [angle for angle in angles if angle is not None]
@@ -56,7 +56,7 @@ def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Tri
     The surface of a bin is the mean over slices of the drum, one diameter thick, of the highest top of a
     touching grain: grains in flight do not belong to the surface.
     """
-    diameter = grain_diameter(frame)
+    diameter = median_diameter_by_volume(frame)
     across = np.cross(axis, (0.0, 0.0, 1.0))
     offset = frame.position - np.asarray(centre)
     column = np.floor(offset @ across / diameter).astype(np.int64)
@@ -76,7 +76,7 @@ def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Tri
     return degrees(atan(np.polyfit(bins * diameter, surface, 1)[0]))
 
 
-def sliding_angle(
+def angle_at_which_grains_slide(
     frames: Sequence[Snapshot], tilts: Sequence[float], share: float = SLIDING_SHARE
 ) -> Measurement:
     """Inclination at which the median grain has moved by `share` of a diameter [deg].
@@ -87,9 +87,9 @@ def sliding_angle(
     covers that distance: tilt slowly. `details`: displacement [d] at each frame and friction = tan(angle).
     """
     name = "sliding_angle"
-    if reason := series_defect(frames):
+    if reason := why_frames_unmeasurable(frames):
         return no_measurement(name, "deg", reason)
-    displacements, first, diameter = [], frames[0], grain_diameter(frames[0])
+    displacements, first, diameter = [], frames[0], median_diameter_by_volume(frames[0])
     for frame in frames:
         _, one, two = np.intersect1d(first.ident, frame.ident, return_indices=True)
         shift = np.linalg.norm(frame.position[two] - first.position[one], axis=1)

@@ -18,7 +18,7 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import silhouette
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.silhouette import Flank, fit_window
+from taichi_erosion.measures.silhouette import Flank, heights_of_fit_window
 
 HIGHEST_GRAINS = 5  # averaged for the pile height [1]
 COLUMN_TOP_SHARE = 0.05  # of the grains, averaged for the column height [1]
@@ -39,7 +39,7 @@ SENTENCES = {
 }
 
 
-def defect(snapshot: Snapshot) -> str | None:
+def why_snapshot_unmeasurable(snapshot: Snapshot) -> str | None:
     """Why nothing can be measured on this snapshot, if so."""
     if snapshot.radius.size == 0:
         return "no grains"
@@ -48,7 +48,7 @@ def defect(snapshot: Snapshot) -> str | None:
     return None
 
 
-def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
+def select_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     """The snapshot of some grains alone, without what no measure of a heap reads."""
     names = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")
     columns = {name: getattr(snapshot, name)[chosen] for name in names}
@@ -56,7 +56,7 @@ def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     return replace(snapshot, **columns, kind=kind, effect_state={}, force=None)
 
 
-def is_inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:
+def inside_surface_of_revolution(rows: Floats, position: Floats) -> NDArray[np.bool_]:
     """Positions inside a surface of revolution: rows of axis point, axis, radius and height of both ends."""
     inside = np.zeros(len(position), bool)
     for row in rows:
@@ -67,7 +67,7 @@ def is_inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:
     return inside
 
 
-def grain_diameter(snapshot: Snapshot) -> float:
+def median_diameter_by_volume(snapshot: Snapshot) -> float:
     """Diameter d that halves the volume of the grains [m]: the sieve median."""
     radius = np.sort(snapshot.radius)
     volume = np.cumsum(radius**3)
@@ -86,7 +86,7 @@ def mean_top(snapshot: Snapshot, count: int, base_height: float) -> float:
 
 def single_value(name: str, unit: str, snapshot: Snapshot, value: Callable[[Snapshot], float]) -> Measurement:
     """Measurement of one number without a spread, or the defect of the snapshot."""
-    if reason := defect(snapshot):
+    if reason := why_snapshot_unmeasurable(snapshot):
         return no_measurement(name, unit, reason)
     return Measurement(name, value(snapshot), nan, unit)
 
@@ -106,29 +106,29 @@ def centroid_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement
 def radius_90(snapshot: Snapshot) -> Measurement:
     """Radius about the axis with 90 % of the grains [m]: int(0.9 N)-th smallest distance, counted from 0."""
 
-    def radius(state: Snapshot) -> float:
+    def radius_of_90_percent(state: Snapshot) -> float:
         distance = np.sort(np.linalg.norm(state.position[:, :2] - heap_axis(state.position), axis=1))
         return float(distance[int(RADIUS_SHARE * distance.size)])
 
-    return single_value("radius_90", "m", snapshot, radius)
+    return single_value("radius_90", "m", snapshot, radius_of_90_percent)
 
 
-def column_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
+def settled_column_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean top of the highest 5 % of the grains [m], for the settled column before its release."""
     count = max(1, int(COLUMN_TOP_SHARE * snapshot.radius.size))
     return single_value("column_height", "m", snapshot, lambda s: mean_top(s, count, base_height))
 
 
-def ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:
+def mean_ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:
     """Mean height of each ring about the axis [m]; ring k, one diameter wide, has mid-radius (k + 1/2) d.
 
     A ring of mid-radius r is cut into max(1, int(pi r / d)) equal sectors from azimuth 0; a sector is as high
     as its highest grain top, an empty one 0.
     """
-    diameter = grain_diameter(snapshot)
+    diameter = median_diameter_by_volume(snapshot)
     offset = snapshot.position[:, :2] - heap_axis(snapshot.position)
     ring = (np.linalg.norm(offset, axis=1) / diameter).astype(np.int64)
-    sectors = ring_sectors(int(ring.max()) + 1)
+    sectors = sector_count_of_rings(int(ring.max()) + 1)
     turn = np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * pi) % 1.0
     sector = np.minimum((turn * sectors[ring]).astype(np.int64), sectors[ring] - 1)
     cells = np.zeros(int(sectors.sum()))
@@ -137,17 +137,17 @@ def ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:
     return np.add.reduceat(cells, first) / sectors
 
 
-def ring_sectors(rings: int) -> NDArray[np.int64]:
+def sector_count_of_rings(rings: int) -> NDArray[np.int64]:
     """Sector counts of the first rings [1]."""
     return np.maximum((pi * (np.arange(rings) + 0.5)).astype(np.int64), 1)
 
 
 def runout_radius(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Outermost radius where the ring height falls through one diameter, linear between mid-radii [m]."""
-    if reason := defect(snapshot):
+    if reason := why_snapshot_unmeasurable(snapshot):
         return no_measurement("runout_radius", "m", reason)
-    diameter = grain_diameter(snapshot)
-    height = np.append(ring_heights(snapshot, base_height), 0.0)
+    diameter = median_diameter_by_volume(snapshot)
+    height = np.append(mean_ring_heights(snapshot, base_height), 0.0)
     falls = np.flatnonzero((height[:-1] >= diameter) & (height[1:] < diameter))
     if falls.size == 0:
         return no_measurement("runout_radius", "m", "no ring is one diameter high")
@@ -165,16 +165,16 @@ def angle_of_repose_outline(snapshot: Snapshot, base_height: float = 0.0) -> Mea
     then of the azimuths.
     """
     name = "angle_of_repose"
-    if reason := defect(snapshot):
+    if reason := why_snapshot_unmeasurable(snapshot):
         return no_measurement(name, "deg", reason)
-    diameter = grain_diameter(snapshot)
+    diameter = median_diameter_by_volume(snapshot)
     offset = snapshot.position[:, :2] - heap_axis(snapshot.position)
     top = snapshot.position[:, 2] + snapshot.radius - base_height
-    window = fit_window(mean_top(snapshot, HIGHEST_GRAINS, base_height), diameter)
+    window = heights_of_fit_window(mean_top(snapshot, HIGHEST_GRAINS, base_height), diameter)
     angles = []
     for azimuth in OUTLINE_AZIMUTHS:
         across = offset @ (np.cos(azimuth), np.sin(azimuth))
-        sides = (binned_angle(side, top, diameter, window) for side in (across, -across))
+        sides = (side_angle(side, top, diameter, window) for side in (across, -across))
         angles.append([angle for angle in sides if angle is not None])
     means = [float(np.mean(sides)) for sides in angles if sides]
     if not means:
@@ -186,7 +186,7 @@ def angle_of_repose_outline(snapshot: Snapshot, base_height: float = 0.0) -> Mea
     )
 
 
-def binned_angle(across: Floats, top: Floats, diameter: float, window: tuple[float, float]) -> float | None:
+def side_angle(across: Floats, top: Floats, diameter: float, window: tuple[float, float]) -> float | None:
     """Angle of the side with across >= 0 [deg], None where fewer than 3 bins carry it."""
     bins = (across[across >= 0.0] / diameter).astype(np.int64)
     outline = np.zeros(int(bins.max(initial=0)) + 2)
@@ -208,7 +208,7 @@ class View:
     axis: float  # m, along the horizontal of the picture, from the origin
     flanks: tuple[Flank | None, Flank | None]  # left, right
 
-    def lines(self) -> list[list[float]]:
+    def fitted_line_ends(self) -> list[list[float]]:
         """Both ends of every fitted line, u, z, u, z [m]."""
         sides = zip((-1.0, 1.0), self.flanks, strict=True)
         return [
@@ -237,20 +237,20 @@ def repose_angle(
     flanks and of grains below the base; flags, each explained in the notes.
     """
     name = "repose_angle"
-    if reason := defect(snapshot):
+    if reason := why_snapshot_unmeasurable(snapshot):
         return no_measurement(name, "deg", reason)
     on_plate = snapshot.position[:, 2] > base_height
     if not on_plate.any():
         return no_measurement(name, "deg", "no grains above the base")
-    grain = grain_diameter(snapshot)
+    grain = median_diameter_by_volume(snapshot)
     position, radius = snapshot.position[on_plate], snapshot.radius[on_plate]
     turns = np.arange(azimuths) * 180.0 / azimuths
-    views = [view_heap(position, radius, turn, base_height, grain) for turn in turns]
+    views = [fit_view(position, radius, turn, base_height, grain) for turn in turns]
     angles = [float(np.mean([f.angle for f in view.usable_flanks])) for view in views if view.usable_flanks]
     if not angles:
         height = float(np.mean([view.height for view in views])) / grain
         return no_measurement(name, "deg", f"no heap: no flank of three diameters, {height:.1f} high")
-    flags = raise_flags(views, grain)
+    flags = flags_of_repose_angle(views, grain)
     beyond = np.linalg.norm(position[:, :2], axis=1) > (plate_radius or np.inf) - grain
     if plate_radius and float(beyond.sum()) * grain / (2.0 * pi * plate_radius) > RIM_SHARE:  # of the rim
         flags.append("truncated_by_plate")
@@ -258,10 +258,10 @@ def repose_angle(
     details = {
         "azimuth_angles": [[view.azimuth, *(f.angle if f else None for f in view.flanks)] for view in views],
         "residual": float(np.sqrt(np.mean([flank.residual**2 for flank in flanks]))) / grain,
-        "bend": float(np.mean(bends_of(views))),
+        "bend": float(np.mean(flank_bends(views))),
         "height": float(np.median([view.height for view in views])),
         "short_flanks": 2 * len(views) - len(flanks),
-        "lines": [[view.azimuth, *end] for view in views for end in view.lines()],
+        "lines": [[view.azimuth, *end] for view in views for end in view.fitted_line_ends()],
         "fallen_grains": int(np.sum(~on_plate)),
         "flags": flags,
     }
@@ -269,7 +269,7 @@ def repose_angle(
     return Measurement(name, float(np.mean(angles)), standard_error(angles), "deg", 1, notes, details)
 
 
-def view_heap(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:
+def fit_view(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:
     """Draw the heap from one azimuth [deg] and fit its flanks."""
     picture = silhouette.draw_silhouette(position, radius, float(np.radians(azimuth)), base_height, grain)
     outline = silhouette.extract_outline(silhouette.largest_body(picture.image), picture.pixel)
@@ -296,20 +296,20 @@ def standard_error(values: list[float]) -> float:
     return float(np.std(values, ddof=1)) / sqrt(independent)
 
 
-def bends_of(views: Sequence[View]) -> list[float]:
+def flank_bends(views: Sequence[View]) -> list[float]:
     """Mean bend of the flanks of every azimuth that has any [deg]."""
     return [float(np.mean([f.bend for f in view.usable_flanks])) for view in views if view.usable_flanks]
 
 
-def raise_flags(views: Sequence[View], grain: float) -> list[str]:
+def flags_of_repose_angle(views: Sequence[View], grain: float) -> list[str]:
     """Flags of the angle; keys of SENTENCES."""
-    bends, height = bends_of(views), float(np.median([view.height for view in views]))
+    bends, height = flank_bends(views), float(np.median([view.height for view in views]))
     falling = [[flank for flank in view.usable_flanks if flank.angle > 0.0] for view in views]
-    meetings = [silhouette.meeting_height(*both) for both in falling if len(both) == 2]
+    meetings = [silhouette.apex_height_of_flank_lines(*both) for both in falling if len(both) == 2]
     short = 2 * len(views) - sum(len(view.usable_flanks) for view in views)
     raised = {
         "few_points": short > FEW_FLANKS_SHARE * 2 * len(views),
-        "curved": silhouette.is_bent(float(np.mean(bends)), standard_error(bends)),
+        "curved": silhouette.is_flank_curved(float(np.mean(bends)), standard_error(bends)),
         "flat_top": bool(meetings) and silhouette.is_flat_topped(height, float(np.median(meetings)), grain),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
@@ -320,23 +320,23 @@ def cone_angle(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
 
         z(r) = z_0 - tan(angle) r
 
-    fitted to the mean heights of rings about the axis (`ring_heights`) from 0.75 H down to
+    fitted to the mean heights of rings about the axis (`mean_ring_heights`) from 0.75 H down to
     max(0.15 H, 1.25 d), apex z_0 and slope free; each ring weighs as many times as it has sectors. `sd`: the
     standard error of the fit.
     """
     name = "cone_angle"
-    if reason := defect(snapshot):
+    if reason := why_snapshot_unmeasurable(snapshot):
         return no_measurement(name, "deg", reason)
-    grain = grain_diameter(snapshot)
-    height = np.append(ring_heights(snapshot, base_height), 0.0)
-    low, high = fit_window(pile_height(snapshot, base_height).value, grain)
+    grain = median_diameter_by_volume(snapshot)
+    height = np.append(mean_ring_heights(snapshot, base_height), 0.0)
+    low, high = heights_of_fit_window(pile_height(snapshot, base_height).value, grain)
     flank = height[: int(np.argmax(height < low))]
     ring = np.flatnonzero(flank <= high)
     if ring.size < SHORTEST_FLANK:
         return no_measurement(name, "deg", "no flank of three rings")
     radius = (ring.astype(float) + 0.5) * grain
     fit = silhouette.fit_polynomial(
-        radius, flank[ring], 1, weight=ring_sectors(flank.size)[ring].astype(float)
+        radius, flank[ring], 1, weight=sector_count_of_rings(flank.size)[ring].astype(float)
     )
     slope = float(fit.coefficients[1])
     error = degrees(float(fit.errors[1]) / (1.0 + slope**2))

@@ -19,14 +19,14 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.wind_bed import LEAST_FRAMES, block_mean
+from taichi_erosion.measures.wind_bed import LEAST_FRAMES, mean_by_block
 
 LEAST_SHARE = 0.25  # of the mass [1]: between a burst at the beginning and the end of the supply
 TINY = 1e-300  # keeps the error of no flow finite [kg2 s-2]
 FEW = 200  # grains in the steady part: fewer make an error of more than 1 / sqrt(200) = 7 %
 
 
-def mass_flow(
+def mass_flow_rate(
     frames: Sequence[Snapshot], point: Triple, normal: Triple, period: Triple = (0.0, 0.0, 0.0)
 ) -> Measurement:
     """Mass a second that passes a plane along its normal [kg s-1]; `sd` is the standard error of the mean."""
@@ -35,14 +35,14 @@ def mass_flow(
         return no_measurement(name, unit, f"{len(frames)} frames of a stage; over {LEAST_FRAMES} are needed")
     pairs = list(pairwise(frames))
     counted = [
-        net_crossing(one, two, np.asarray(point), np.asarray(normal), np.asarray(period))
+        net_mass_through_plane(one, two, np.asarray(point), np.asarray(normal), np.asarray(period))
         for one, two in pairs
     ]
     rate = np.array([mass / (b.time - a.time) for (mass, _, _), (a, b) in zip(counted, pairs, strict=True)])
     flowing = np.flatnonzero(rate)
     if not flowing.size:
         return no_measurement(name, unit, "no grain crossed the plane")
-    first, last = steady_window(rate[flowing[0] : flowing[-1] + 1])
+    first, last = steady_frame_range(rate[flowing[0] : flowing[-1] + 1])
     first, last = first + flowing[0], last + flowing[0]
     grains = sum(number for _, number, _ in counted[first:last])
     missing = sum(count for _, _, count in counted)
@@ -52,7 +52,7 @@ def mass_flow(
         notes.append(f"few grains: each is {1.0 / max(grains, 1):.1%} of the flow")
     if missing:
         notes.append(f"{missing:,} grains vanished near the plane and are counted by their speed")
-    flow = block_mean(name, rate[first:last].tolist(), unit)
+    flow = mean_by_block(name, rate[first:last].tolist(), unit)
     details = flow.details | {
         "time": [two.time for _, two in pairs],
         "rate": rate.tolist(),
@@ -61,7 +61,7 @@ def mass_flow(
     return replace(flow, notes=(*flow.notes, *notes), details=details)
 
 
-def net_crossing(
+def net_mass_through_plane(
     before: Snapshot, after: Snapshot, point: Floats, normal: Floats, period: Floats
 ) -> tuple[float, int, int]:
     """Net mass [kg] and number of the grains that crossed between two frames, and how many vanished then.
@@ -84,7 +84,7 @@ def net_crossing(
     return float((sign * before.mass).sum()), int(np.abs(sign).sum()), int((~there & (sign != 0.0)).sum())
 
 
-def steady_window(rate: Floats) -> tuple[int, int]:
+def steady_frame_range(rate: Floats) -> tuple[int, int]:
     """First frame of the steady part, and one past its last."""
     count = len(rate)
     sums, squares = np.cumsum([0.0, *rate]), np.cumsum([0.0, *rate**2])

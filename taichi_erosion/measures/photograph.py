@@ -81,17 +81,17 @@ class Detection:
     flanks: tuple[Flank | None, Flank | None]
 
     @property
-    def fitted(self) -> list[Flank]:
+    def fitted_flanks(self) -> list[Flank]:
         """Flanks that were found."""
         return [flank for flank in self.flanks if flank is not None]
 
     @property
-    def angle(self) -> float:
+    def mean_flank_angle(self) -> float:
         """Their mean [deg]."""
-        return float(np.mean([flank.angle for flank in self.fitted]))
+        return float(np.mean([flank.angle for flank in self.fitted_flanks]))
 
     @property
-    def axis(self) -> float:
+    def axis_column(self) -> float:
         """Column of the axis in the turned picture [px]."""
         return 0.5 - float(self.outline.position[0])
 
@@ -107,17 +107,17 @@ def measure_photograph(
     BadInput where the picture shows no heap, or where the detection is not certain.
     """
     path = Path(path)
-    grey = read_grey(path)
-    left, top, right, bottom = box = checked_crop(path, grey, crop)
-    calm = flatten_light(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
-    detection = detect(path, calm, background)
-    steadiness = steadiness_of(path, calm, detection)
-    refuse_uncertain(path, detection, steadiness)
-    record = as_record(summarise(detection, steadiness))
+    grey = read_grey_picture(path)
+    left, top, right, bottom = box = check_crop(path, grey, crop)
+    calm = remove_uneven_light(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
+    detection = detect_heap(path, calm, background)
+    steadiness = angle_range_over_thresholds(path, calm, detection)
+    refuse_uncertain_detection(path, detection, steadiness)
+    record = as_record(angle_measurement(detection, steadiness))
     record["details"] |= {
         "height_pixels": int(detection.outline.height.max()),
         "base_row": top + detection.body.shape[0],
-        "axis_column": left + detection.axis,
+        "axis_column": left + detection.axis_column,
         "threshold": detection.threshold,
         "background": detection.background,
         "base_line": detection.base,
@@ -128,38 +128,38 @@ def measure_photograph(
     return record
 
 
-def steadiness_of(path: Path, calm: Grey, detection: Detection) -> tuple[float, float]:
+def angle_range_over_thresholds(path: Path, calm: Grey, detection: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
     dark = float(np.mean(calm[calm <= detection.threshold]))
     light = float(np.mean(calm[calm > detection.threshold]))
-    angles = [detection.angle]
+    angles = [detection.mean_flank_angle]
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
         threshold = detection.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, detection.background, threshold).angle)
+            angles.append(detect_heap(path, calm, detection.background, threshold).mean_flank_angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
 
 
-def refuse_uncertain(path: Path, detection: Detection, steadiness: tuple[float, float]) -> None:
+def refuse_uncertain_detection(path: Path, detection: Detection, steadiness: tuple[float, float]) -> None:
     """Raise BadInput for a detection that cannot be trusted, with the reason."""
-    angles, (low, high) = [flank.angle for flank in detection.fitted], steadiness
+    angles, (low, high) = [flank.angle for flank in detection.fitted_flanks], steadiness
     reason = ""
     if high - low > STEADY:
         span = f"{low:.0f} to {high:.0f} deg" if high < inf else "a heap is lost"
         reason = f"the outline depends on the threshold ({span}): uneven light or a weak contrast"
     elif abs(angles[0] - angles[-1]) > MOST_DIFFERENCE:
         reason = f"the flanks differ, {angles[0]:.0f} and {angles[-1]:.0f} deg: a shadow, or another object"
-    elif detection.angle < LEAST_ANGLE:
-        reason = f"{detection.angle:.1f} deg is flatter than any heap of grains"
-    elif (share := deviation(detection)) > MOST_DEVIATION:
+    elif detection.mean_flank_angle < LEAST_ANGLE:
+        reason = f"{detection.mean_flank_angle:.1f} deg is flatter than any heap of grains"
+    elif (share := rms_outline_deviation(detection)) > MOST_DEVIATION:
         reason = f"the outline leaves the lines by {share:.0%} of the height: no heap from the side"
     if reason:
         raise BadInput(f"{path}: the detection is not certain: {reason}; give --crop around the heap alone")
 
 
-def deviation(detection: Detection) -> float:
+def rms_outline_deviation(detection: Detection) -> float:
     """Rms distance of outline and fitted lines above the foot, over the height [1]."""
     height = float(detection.outline.height.max())
     gaps = []
@@ -178,10 +178,10 @@ def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int
 
     `shape` is that of the crop, (column, row) of whose upper left is `corner`.
     """
-    base, axis, position = detection.body.shape[0], detection.axis, detection.outline.position
+    base, axis, position = detection.body.shape[0], detection.axis_column, detection.outline.position
     middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(detection.tilt)), sin(radians(detection.tilt))
 
-    def image_points(points: Any) -> list[list[float]]:
+    def to_photo(points: Any) -> list[list[float]]:
         turned = (np.asarray(points, dtype=float) - middle) @ np.array([[c, s], [-s, c]])
         return (turned + middle + np.array(corner)).round(2).tolist()
 
@@ -190,15 +190,13 @@ def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int
     lines = {}
     for name, side, flank in zip(("left", "right"), (-1.0, 1.0), detection.flanks, strict=True):
         if flank is not None:
-            lines[name] = image_points(
-                [(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)]
-            )
+            lines[name] = to_photo([(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)])
     width = detection.body.shape[1]
     outline = np.column_stack([axis + position[chosen], base - detection.outline.height[chosen]])
-    return {"outline": image_points(outline), "base": image_points([(0.0, base), (width, base)])} | lines
+    return {"outline": to_photo(outline), "base": to_photo([(0.0, base), (width, base)])} | lines
 
 
-def read_grey(path: Path) -> Grey:
+def read_grey_picture(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright."""
     try:
         with Image.open(regular_file(path)) as opened:
@@ -212,7 +210,7 @@ def read_grey(path: Path) -> Grey:
         raise BadInput(f"{path}: not a readable PNG or JPEG picture") from error
 
 
-def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
+def check_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
     """The crop, or the whole picture, after asking whether a heap fits in it."""
     rows, columns = grey.shape
     left, top, right, bottom = crop or (0, 0, columns, rows)
@@ -225,7 +223,7 @@ def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
     return left, top, right, bottom
 
 
-def detect(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Detection:
+def detect_heap(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Detection:
     """Binarise, find the base line, turn the picture by its tilt, keep the body above, fit its flanks.
 
     Otsu's threshold unless one is given. Raises BadInput where there is no heap.
@@ -234,13 +232,13 @@ def detect(path: Path, grey: Grey, background: Background, threshold: float | No
     if separation < SEPARATION_AT_LEAST:
         raise BadInput(f"{path}: no heap: nothing stands out from the background")
     threshold = chosen if threshold is None else threshold
-    side = border_side(grey, threshold) if background == "auto" else background
-    scene = foreground(grey, threshold, side)
+    side = background_is_dark_or_light(grey, threshold) if background == "auto" else background
+    scene = largest_foreground_body(grey, threshold, side)
     line, tilt = find_base_line(scene), 0.0
     if line is not None and abs(line.tilt) > max(TILT_SEEN, line.error):
         tilt = line.tilt
         turned = scipy.ndimage.rotate(grey, tilt, reshape=False, order=1, mode="nearest")
-        scene = foreground(turned, threshold, side)
+        scene = largest_foreground_body(turned, threshold, side)
         line = find_base_line(scene)
     if line is None:  # the widest row is the foot, at most 3 % of the height too high
         width = scene.sum(axis=1)
@@ -281,16 +279,16 @@ def find_base_line(scene: Mask) -> BaseLine | None:
     across = columns + 0.5 - 0.5 * scene.shape[1]
     bottom = (scene.shape[0] - np.argmax(scene[::-1, columns], axis=0)).astype(float)
     is_cut = np.mean(bottom >= scene.shape[0]) > FRAME_SHARE
-    lower = None if is_cut else best_line(across, bottom, LOWER_EDGE_SHARE)
+    lower = None if is_cut else fit_base_line(across, bottom, LOWER_EDGE_SHARE)
     top = np.argmax(scene[:, columns], axis=0).astype(float)
-    plate = best_line(across, top, LEAST_SHARE if lower is None else LOWER_PLATE_SHARE)
+    plate = fit_base_line(across, top, LEAST_SHARE if lower is None else LOWER_PLATE_SHARE)
     if plate is None or lower is None or plate.columns >= lower.columns:
         return plate or lower
     parallel = abs(plate.tilt - lower.tilt) < PARALLEL
     return replace(plate, tilt=lower.tilt, error=lower.error) if parallel else lower
 
 
-def best_line(across: Floats, row: Floats, least_share: float) -> BaseLine | None:
+def fit_base_line(across: Floats, row: Floats, least_share: float) -> BaseLine | None:
     """Line that most points lie on and hardly any below; refined by least squares through these points."""
     best = np.zeros(row.size, dtype=bool)
     for tilt in np.arange(-LARGEST_TILT, LARGEST_TILT + 0.5 * TILT_STEP, TILT_STEP):
@@ -315,19 +313,19 @@ def points_on_line(level: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.abs(level - middle[int(np.argmax(counts))]) <= NEAR)
 
 
-def powers_of(column: Grey, row: Grey) -> tuple[Any, ...]:
+def quadratic_terms(column: Grey, row: Grey) -> tuple[Any, ...]:
     """Terms of a quadratic in column and row."""
     return 1.0, column, row, column**2, row**2, row * column
 
 
-def foreground(grey: Grey, threshold: float, side: Literal["dark", "light"]) -> Mask:
+def largest_foreground_body(grey: Grey, threshold: float, side: Literal["dark", "light"]) -> Mask:
     """Largest body that differs from the background, without specks."""
     different = grey > threshold if side == "dark" else grey <= threshold
     opened = scipy.ndimage.binary_opening(different, structure=silhouette.EIGHT_NEIGHBOURS)
     return silhouette.largest_body(np.asarray(opened, dtype=bool))
 
 
-def flatten_light(grey: Grey) -> Grey:
+def remove_uneven_light(grey: Grey) -> Grey:
     """The picture with uneven light divided out, where that separates the classes better.
 
     The background is a quadratic in column and row through the upper border of the picture and the sides of
@@ -338,14 +336,14 @@ def flatten_light(grey: Grey) -> Grey:
     outer = np.abs(column - 0.5) > 0.5 - FRAME_COLUMNS
     at = np.nonzero((row < FRAME_ROWS) | (outer & (row < 0.5)))
     at = tuple(index[:: max(1, at[0].size // BORDER_SAMPLES)] for index in at)
-    samples = np.column_stack(np.broadcast_arrays(*powers_of(column[0, at[1]], row[at[0], 0])))
+    samples = np.column_stack(np.broadcast_arrays(*quadratic_terms(column[0, at[1]], row[at[0], 0])))
     level, inliers = grey[at], np.ones(at[0].size, dtype=bool)
     coefficients = np.zeros(samples.shape[1])
     for _ in range(2):
         coefficients = np.linalg.lstsq(samples[inliers], level[inliers], rcond=None)[0]
         gap = np.abs(level - samples @ coefficients)
         inliers = gap <= 3.0 * max(float(np.median(gap)), 1.0 / GREY_LEVELS)
-    light = sum(c * power for c, power in zip(coefficients, powers_of(column, row), strict=True))
+    light = sum(c * power for c, power in zip(coefficients, quadratic_terms(column, row), strict=True))
     even = np.clip(grey / np.maximum(light, DARKEST) * float(np.median(level[inliers])), 0.0, 1.0)
     return even if otsu_threshold(even)[1] - otsu_threshold(grey)[1] > LIGHT_GAIN else grey
 
@@ -374,31 +372,31 @@ def otsu_threshold(grey: Grey) -> tuple[float, float]:
     return float(edges[1:][best].mean()), float(between.max()) / variance if variance > 0.0 else 0.0
 
 
-def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
+def background_is_dark_or_light(grey: Grey, threshold: float) -> Literal["dark", "light"]:
     """Background by the upper half of the frame: plate and foot of the heap may fill the lower."""
     upper = grey[: grey.shape[0] // 2]
     frame = np.concatenate([grey[0], upper[:, 0], upper[:, -1]])
     return "dark" if np.median(frame) <= threshold else "light"
 
 
-def raise_flags(detection: Detection) -> list[str]:
+def flags_of_detection(detection: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    flanks, body = detection.fitted, detection.body
+    flanks, body = detection.fitted_flanks, detection.body
     falling = [flank for flank in flanks if flank.angle > 0.0]
     height = float(detection.outline.height.max())
     raised = {
-        "curved": any(silhouette.is_bent(flank.bend, flank.bend_error) for flank in flanks),
+        "curved": any(silhouette.is_flank_curved(flank.bend, flank.bend_error) for flank in flanks),
         "one_flank": len(flanks) == 1,
         "flat_top": len(falling) == 2
-        and silhouette.is_flat_topped(height, silhouette.meeting_height(*falling), 0.0),
+        and silhouette.is_flat_topped(height, silhouette.apex_height_of_flank_lines(*falling), 0.0),
         "cut_by_frame": bool(body[0].any() or body[:, 0].any() or body[:, -1].any()),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
 
 
-def summarise(detection: Detection, steadiness: tuple[float, float]) -> Measurement:
+def angle_measurement(detection: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks, flags, tilt = detection.fitted, raise_flags(detection), detection.tilt
+    flanks, flags, tilt = detection.fitted_flanks, flags_of_detection(detection), detection.tilt
     notes = [SENTENCES[flag] for flag in flags]
     if detection.base == "not seen":
         notes.insert(0, "no base line is seen: the lower edge counts as horizontal, a tilt is not corrected")
@@ -414,4 +412,4 @@ def summarise(detection: Detection, steadiness: tuple[float, float]) -> Measurem
     errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
     difference = 0.5 * (flanks[0].angle - flanks[-1].angle)
     sd = hypot(errors, difference, 0.5 * (steadiness[1] - steadiness[0]))
-    return Measurement("repose_angle", detection.angle, sd, "deg", 1, tuple(notes), details)
+    return Measurement("repose_angle", detection.mean_flank_angle, sd, "deg", 1, tuple(notes), details)

@@ -16,19 +16,19 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.heap import OUTLINE_BINS, RADIUS_SHARE
-from taichi_erosion.measures.silhouette import SHOULDER_SHARE, fit_polynomial, fit_window
+from taichi_erosion.measures.silhouette import SHOULDER_SHARE, fit_polynomial, heights_of_fit_window
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.cell_numbers import read_cell
 from taichi_erosion.tables.headings import read_heading
 from taichi_erosion.tables.number_words import heading, plain
-from taichi_erosion.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.tables.spreadsheet import Cells, read_table_cells
 
 PLACES = ("radius", "distance", "position", "r", "x")  # headings of the column along the profile
 HEIGHTS = ("height", "elevation", "h", "z")
 MEASURES = ("angle of repose", "pile height", "radius of 90 %")
 
 
-def sides_of(place: Floats, height: Floats) -> Iterator[tuple[Floats, Floats]]:
+def sides_of_profile(place: Floats, height: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Distance from the axis and height, outward: one side where the profile begins at its top, or both.
 
     The axis of a line across the heap is where it halves the area below it.
@@ -45,15 +45,15 @@ def sides_of(place: Floats, height: Floats) -> Iterator[tuple[Floats, Floats]]:
         yield side[outward], (height if side is distance else height[::-1])[outward]
 
 
-def measure_profile(place: Floats, height: Floats, grain: float = 0.0) -> tuple[float, float, float]:
+def angle_height_and_radius(place: Floats, height: Floats, grain: float = 0.0) -> tuple[float, float, float]:
     """Angle of repose [deg], height, and radius of 90 % of the volume; mean of the sides.
 
     A line through the points of a side below its top, between max(0.15 H, 1.25 d) and 0.75 H, gives its
     angle. Raises BadInput where no side has three points there, or one ends above them, without a foot.
     """
-    low, high = fit_window(float(height.max()), grain)
+    low, high = heights_of_fit_window(float(height.max()), grain)
     angles, radii = list[float](), list[float]()
-    for distance, heights in sides_of(place, height):
+    for distance, heights in sides_of_profile(place, height):
         attached = np.cumsum(heights < low) == 0
         if attached.all():
             raise BadInput(f"ends {heights[-1]:.3g} m above 0; heights count from the plate down to the foot")
@@ -69,7 +69,7 @@ def measure_profile(place: Floats, height: Floats, grain: float = 0.0) -> tuple[
     return float(np.mean(angles)), float(height.max()), float(np.mean(radii))
 
 
-def heaps_of_table(
+def measure_heap_table(
     path: Path, place: str | None = None, height: str | None = None, grain: float = 0.0
 ) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of a table with a row for each heap: rows of one heap are alike in all other columns.
@@ -77,10 +77,10 @@ def heaps_of_table(
     `place` and `height` are headings, `grain` a diameter [m]. Raises BadInput.
     """
     faults = list[str]()
-    cells = read_cells(path, path.name, faults)
+    cells = read_table_cells(path, path.name, faults)
     if faults:
         raise BadInput(*faults)
-    chosen = [column_of(cells, place, PLACES, "--place"), column_of(cells, height, HEIGHTS, "--height")]
+    chosen = [find_column(cells, place, PLACES, "--place"), find_column(cells, height, HEIGHTS, "--height")]
     units = [read_heading(cells.heading[column]).unit or "1" for column in chosen]
     factor = [conversion(parse_unit(unit), parse_unit("m")) or nan for unit in units]
     if isnan(sum(factor)):
@@ -96,7 +96,7 @@ def heaps_of_table(
     for others, profile in points.items():
         places, heights = (np.array(profile) * factor).T
         try:
-            angle, top, radius = measure_profile(places, heights, grain)
+            angle, top, radius = angle_height_and_radius(places, heights, grain)
         except BadInput as error:
             raise BadInput(f"{path}: heap {', '.join(others)}: {error}") from None
         rows.append([*others, plain(angle, 4), *(plain(x / factor[1], 4) for x in (top, radius))])
@@ -104,14 +104,14 @@ def heaps_of_table(
     return [*(h for k, h in enumerate(cells.heading) if k not in chosen), *names], rows
 
 
-def write_heaps(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Path:
+def write_heap_table(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Path:
     """Write the table of heaps (CSV)."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *rows])
     return write_atomic(path, text.getvalue().encode())
 
 
-def column_of(cells: Cells, choice: str | None, words: Sequence[str], option: str) -> int:
+def find_column(cells: Cells, choice: str | None, words: Sequence[str], option: str) -> int:
     """The column that is stated, or the one whose name is among some words. Raises BadInput."""
     names = [read_heading(text).name.casefold() for text in cells.heading]
     choices = (choice.casefold(),) if choice else words

@@ -62,14 +62,14 @@ def pool(repeats: Sequence[Measurement]) -> Measurement:
     if len(valid) < len(repeats):
         notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
     flags = Counter(flag for repeat in valid for flag in repeat.details.get("flags", ()))
-    details, lacking = {"values": values, "flags": dict(flags)}, common_shortfalls(repeats)
+    details, lacking = {"values": values, "flags": dict(flags)}, shortfalls_of_most_repeats(repeats)
     if not valid:
         return Measurement(name, nan, nan, unit, 0, notes, details, lacking)
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
     return Measurement(name, float(np.mean(values)), sd, unit, len(values), notes, details, lacking)
 
 
-def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
+def shortfalls_of_most_repeats(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
     """Shortfalls that at least half of the repeats have, each as the repeat in the middle has it."""
     by_flag: dict[str, list[Shortfall]] = {}
     for lack in (lack for repeat in repeats for lack in repeat.shortfalls):

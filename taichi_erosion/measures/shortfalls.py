@@ -25,7 +25,7 @@ from math import ceil, isfinite, log10, radians, sqrt, tan
 import numpy as np
 
 from taichi_erosion.measures.result import Measurement, Shortfall
-from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER_SHARE, fit_window
+from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER_SHARE, heights_of_fit_window
 
 LEAST_ROWS = 3.0  # of grains on a flank, below which there is no angle [1]
 POURED_LEAST = 5.0  # of a poured heap, from which 3,000 grains read 28 to 30 deg [1]
@@ -43,30 +43,30 @@ LEAST_BINS = 6  # a surface of n bins, each off by up to half a grain, slopes wi
 LEAST_BEDS = 5  # beds scatter by 11 % (doe/wind/fluid.csv): the 95 % interval of five is 14 % to either side
 
 
-def flank_rows(height: float, diameter: float) -> float:
+def grain_rows_on_flank(height: float, diameter: float) -> float:
     """Rows of grains between the ends of a fitted flank [1]."""
-    low, high = fit_window(height, diameter)
+    low, high = heights_of_fit_window(height, diameter)
     return max(high - low, 0.0) / diameter
 
 
-def height_for(rows: float) -> float:
-    """Height of a heap with so many rows on its flank [diameters]: the inverse of `flank_rows`."""
+def heap_height(rows: float) -> float:
+    """Height of a heap with so many rows on its flank [diameters]: the inverse of `grain_rows_on_flank`."""
     return max((rows + FOOT_GRAINS) / SHOULDER_SHARE, rows / (SHOULDER_SHARE - FOOT_SHARE))
 
 
 def grains_for(rows: float, angle: float) -> int:
     """Grains that suffice for a heap of this angle [deg] with so many rows, to two digits, rounded up."""
     slope = tan(radians(max(angle, LEAST_ANGLE) if isfinite(angle) else USUAL_ANGLE))
-    return two_digits_up(HEAP_FACTOR * height_for(rows) ** 3 / slope**2)
+    return round_up(HEAP_FACTOR * heap_height(rows) ** 3 / slope**2)
 
 
-def two_digits_up(count: float) -> int:
+def round_up(count: float) -> int:
     """A number of grains with two digits, rounded up."""
     unit = 10 ** (int(log10(count)) - 1)
     return ceil(count / unit) * unit
 
 
-def enough_grains(rows_needed: float, rows: float, grains: int, angle: float) -> int:
+def grains_needed_for_rows(rows_needed: float, rows: float, grains: int, angle: float) -> int:
     """Grains for `rows_needed` rows, more than there are in a heap of `rows` rows.
 
     Those of a heap of this angle [deg]; where the heap has as many and is flatter, those of its own shape.
@@ -74,7 +74,7 @@ def enough_grains(rows_needed: float, rows: float, grains: int, angle: float) ->
     estimate = grains_for(rows_needed, angle)
     if estimate > grains:
         return estimate
-    return two_digits_up(grains * (height_for(rows_needed) / height_for(rows)) ** 3)
+    return round_up(grains * (heap_height(rows_needed) / heap_height(rows)) ** 3)
 
 
 def heap_shortfalls(
@@ -84,13 +84,13 @@ def heap_shortfalls(
     goal = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
     settled = POURED_ROWS if poured else COLUMN_ROWS  # rows up to which an angle changes with its size
     if rows < LEAST_ROWS:
-        enough = enough_grains(LEAST_ROWS, rows, grains, goal)
+        enough = grains_needed_for_rows(LEAST_ROWS, rows, grains, goal)
         have = f"{rows:.1f} of {LEAST_ROWS:g} rows of grains on its flank"
         need = f"use at least {enough:,} grains ({grains:,} now)"
         words = f"the heap is too small for an angle: {have}; {need}"
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:
-        enough = enough_grains(settled, rows, grains, goal)
+        enough = grains_needed_for_rows(settled, rows, grains, goal)
         words = (
             f"the angle has not converged: {rows:.1f} rows of grains on its flank, and "
             f"{POURED_TEXT if poured else COLUMN_TEXT}; use at least {enough:,} grains ({grains:,} now)"

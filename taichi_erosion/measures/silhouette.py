@@ -136,7 +136,7 @@ class Polynomial:
     residual: float  # rms
 
 
-def fit_window(height: float, grain: float) -> tuple[float, float]:
+def heights_of_fit_window(height: float, grain: float) -> tuple[float, float]:
     """Heights between which a flank is fitted: max(0.15 H, 1.25 d) and 0.75 H; d = 0 where unknown."""
     return max(FOOT_SHARE * height, FOOT_GRAINS * grain), SHOULDER_SHARE * height
 
@@ -144,7 +144,7 @@ def fit_window(height: float, grain: float) -> tuple[float, float]:
 def fit_flanks(outline: Outline, grain: float, least_length: float) -> tuple[Flank | None, Flank | None]:
     """Left and right flank of an outline; None where less than `least_length` of it lies in the window."""
     left, right = outline.position < 0.0, outline.position >= 0.0
-    window = fit_window(float(outline.height.max()), grain)
+    window = heights_of_fit_window(float(outline.height.max()), grain)
     bridge = max(1, round(grain / outline.pixel))
     sides = (
         (-outline.position[left][::-1], outline.height[left][::-1]),
@@ -225,13 +225,13 @@ def fit_polynomial(t: Floats, height: Floats, degree: int, weight: Floats | None
     return Polynomial(coefficients, sqrt(variance) * spread, sqrt(squares / t.size))
 
 
-def meeting_height(left: Flank, right: Flank) -> float:
+def apex_height_of_flank_lines(left: Flank, right: Flank) -> float:
     """Height at which the two lines meet: the apex the heap would have, were it a cone up to its top."""
     fall_left, fall_right = np.tan(np.radians((left.angle, right.angle)))
     return float((left.apex * fall_right + right.apex * fall_left) / (fall_left + fall_right))
 
 
-def is_bent(bend: float, error: float) -> bool:
+def is_flank_curved(bend: float, error: float) -> bool:
     """Whether a flank is curved beyond doubt and by a size that matters; not where the error is NaN."""
     return abs(bend) > BEND_LIMIT and abs(bend) > BEND_ERRORS * error
 

@@ -48,7 +48,7 @@ class Splash:
     ejected: int
 
 
-def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
+def count_splash_events(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
     """Count landings, rebounds and ejecta; what the ends of the series cut off is left out."""
     times = np.array([frame.time for frame in frames])
     fall = sqrt(2.0 * patch.diameter / gravity) if gravity > 0.0 else inf
@@ -93,7 +93,7 @@ def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: f
     return Flight(ends[0].time, ends[1].time, *speeds)
 
 
-def shares(name: str, record: Splash, number: int) -> Measurement:
+def number_per_landing(name: str, record: Splash, number: int) -> Measurement:
     """A number of grains over that of the landings; `sd` is the root of the number, over it [1]."""
     landings = len(record.impacts)
     if landings < LEAST_LANDINGS:
@@ -103,15 +103,15 @@ def shares(name: str, record: Splash, number: int) -> Measurement:
 
 def rebound_share(record: Splash) -> Measurement:
     """Share of the landings after which the same grain flies on [1]."""
-    return shares("rebound_share", record, int(np.isfinite(record.bounced[:, 0]).sum()))
+    return number_per_landing("rebound_share", record, int(np.isfinite(record.bounced[:, 0]).sum()))
 
 
 def ejecta_share(record: Splash) -> Measurement:
     """Grains ejected from the bed over landings [1]."""
-    return shares("ejecta_share", record, record.ejected)
+    return number_per_landing("ejecta_share", record, record.ejected)
 
 
-def rebound_speed(splash: Splash) -> Measurement:
+def rebound_speed_ratio(splash: Splash) -> Measurement:
     """Mean speed after a rebound over the mean speed before, of landings faster than `FAST` [1].
 
     A mean of ratios would be ruled by slow landings. `sd` is the standard error of the ratio of means,

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
+from taichi_erosion.measures.boundary_layer import flat_plate_thickness, free_stream_speed_by_coles
 from taichi_erosion.measures.result import Measurement, no_measurement, pool
 from taichi_erosion.measures.shortfalls import bed_shortfalls
 
@@ -67,7 +67,7 @@ class Tunnel:
     ratio: float | None = None  # u* over the free-stream speed, where it was measured [1]
 
 
-def bracket_threshold(name: str, bracket: Bracket | None) -> Measurement:
+def threshold_from_bracket(name: str, bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1]; `sd` is that of its bracket."""
     if bracket is None:
         return no_measurement(name, UNIT, NOT_REACHED)
@@ -75,14 +75,14 @@ def bracket_threshold(name: str, bracket: Bracket | None) -> Measurement:
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
 
-def line_threshold(bracket: Bracket | None) -> Measurement:
+def threshold_from_line(bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1] from a line, which bounds nothing; `sd` is half of the bracket."""
     if bracket is None:
         return no_measurement(LINE, UNIT, "too few winds carried grains")
     return Measurement(LINE, bracket.middle, 0.5 * (bracket.high - bracket.low), UNIT)
 
 
-def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
+def friction_velocity_at_zero_flux(trials: Sequence[tuple[float, float]]) -> Bracket | None:
     """Friction velocity at which the flux Q = a (u*^2 - u_t^2) of slowed-down transport would vanish.
 
     Least squares through pairs (u* [m s-1], Q) that carry at least `CARRIED` of the largest flux: below that
@@ -112,7 +112,7 @@ def ratio(name: str, impact: Measurement, fluid: Measurement) -> Measurement:
     return Measurement(name, value, value * hypot(impact.sd / impact.value, fluid.sd / fluid.value), "1")
 
 
-def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RATIO) -> float:
+def free_stream(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RATIO) -> float:
     """Free-stream speed U of a tunnel whose floor has the friction velocity u* [m s-1].
 
     U = coles_speed(u* / c(U), delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
@@ -131,7 +131,7 @@ def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RAT
     def speed_mismatch(speed: float) -> float:
         depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
         plate = friction / float(np.interp(speed, MAP_SPEED, ratio))
-        return coles_speed(plate, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
+        return free_stream_speed_by_coles(plate, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
 
     return scipy.optimize.root_scalar(speed_mismatch, bracket=(friction, FASTEST_TUNNEL)).root
 
@@ -144,11 +144,11 @@ def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurem
     """
     if bracket is None:
         return no_measurement(name, UNIT, NOT_REACHED)
-    low, middle, high = (wind_speed(each, tunnel) for each in (bracket.low, bracket.middle, bracket.high))
+    low, middle, high = (free_stream(each, tunnel) for each in (bracket.low, bracket.middle, bracket.high))
     details = {"low": low, "high": high}
     if tunnel.ratio is None:
-        details["shared_sd"] = wind_speed(bracket.middle * (1.0 + MAP_SD), tunnel) - middle
-        details["flat_plate"] = wind_speed(bracket.middle, tunnel, PLATE)
+        details["shared_sd"] = free_stream(bracket.middle * (1.0 + MAP_SD), tunnel) - middle
+        details["flat_plate"] = free_stream(bracket.middle, tunnel, PLATE)
     return Measurement(name, middle, middle * bracket.sd / bracket.middle, UNIT, details=details)
 
 
@@ -176,7 +176,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
         ends = {"low": plain.value - reach, "high": plain.value + reach, "confidence": CONFIDENCE}
         return replace(plain, details=plain.details | {"interval": ends})
     ends = np.log([[b["low"], b["high"]] for b in brackets])
-    middle, scale, low, high = logistic_law(ends)
+    middle, scale, low, high = fit_logistic_law(ends)
     left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket
     spread = hypot(LOGISTIC_SD * scale, float(np.sqrt(left_open.mean())))
     interval = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
@@ -184,7 +184,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
 
 
-def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:
+def log_likelihood_of_brackets(ends: Floats, middle: float, scale: Floats) -> Floats:
     """Logarithm of the chance of all brackets, by scale; `ends` [n, 2] are logarithms."""
     a, b = ((ends - middle)[:, :, None] / scale).transpose(1, 0, 2)
     # of 1/(1+e^-b) - 1/(1+e^-a), whose terms may both be near 0 or near 1
@@ -192,11 +192,11 @@ def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:
     return terms.sum(axis=0)
 
 
-def logistic_law(ends: Floats) -> tuple[float, float, float, float]:
+def fit_logistic_law(ends: Floats) -> tuple[float, float, float, float]:
     """Most likely middle and scale, and the ends of the interval of the middle, in logarithms."""
 
     def best(middle: float) -> tuple[float, float]:
-        heights = log_likelihood(ends, middle, SCALES)
+        heights = log_likelihood_of_brackets(ends, middle, SCALES)
         k = int(np.argmax(heights))
         return float(SCALES[k]), float(heights[k])
 
@@ -210,8 +210,8 @@ def logistic_law(ends: Floats) -> tuple[float, float, float, float]:
     def excess(m: float) -> float:
         return most - best(m)[1] - limit
 
-    def end(outer: float) -> float:
+    def interval_end(outer: float) -> float:
         bracket = sorted((outer, middle))
         return scipy.optimize.root_scalar(excess, bracket=bracket).root if excess(outer) > 0.0 else outer
 
-    return middle, scale, end(middle - REACH), end(middle + REACH)
+    return middle, scale, interval_end(middle - REACH), interval_end(middle + REACH)

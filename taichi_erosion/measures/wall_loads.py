@@ -9,14 +9,14 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.wind_bed import block_mean
+from taichi_erosion.measures.wind_bed import mean_by_block
 
 PEAK_SHARE = 1.0 / 16.0  # of the frames, over which a strength is averaged [1]
 LEAST_FRAMES = 16
 TINY = 1e-30  # keeps a ratio finite where nothing presses [N]
 
 
-def wall_loads(contacts: ContactNetwork) -> Floats:
+def forces_and_torques_on_walls(contacts: ContactNetwork) -> Floats:
     """Force [N] of the grains on every wall, and torque about the origin [N m], [walls, 6].
 
     The torque of rolling resistance, which acts in the contact itself, is left out.
@@ -29,20 +29,20 @@ def wall_loads(contacts: ContactNetwork) -> Floats:
     return loads
 
 
-def force_along(loads: Sequence[Floats], axis: Floats) -> Measurement:
+def mean_force_along_axis(loads: Sequence[Floats], axis: Floats) -> Measurement:
     """Force of the grains along an axis [N], mean over frames [6]; `sd` is the error of the mean."""
-    return mean_of("wall_force", [float(load[:3] @ axis) for load in loads], "N")
+    return mean_of_series("wall_force", [float(load[:3] @ axis) for load in loads], "N")
 
 
 def torque_about(loads: Sequence[Floats], axis: Floats, centre: Floats) -> Measurement:
     """Torque of the grains about an axis through a centre [N m]; mean and `sd` as of a force."""
     torques = [float((load[3:6] - np.cross(centre, load[:3])) @ axis) for load in loads]
-    return mean_of("wall_torque", torques, "N m")
+    return mean_of_series("wall_torque", torques, "N m")
 
 
-def mean_of(name: str, series: Sequence[float], unit: str) -> Measurement:
+def mean_of_series(name: str, series: Sequence[float], unit: str) -> Measurement:
     """Mean of a series, or its single value."""
-    return Measurement(name, series[0], nan, unit) if len(series) == 1 else block_mean(name, series, unit)
+    return Measurement(name, series[0], nan, unit) if len(series) == 1 else mean_by_block(name, series, unit)
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ class Strength:
     peak: int  # first frame of the window of the largest mean ratio
     width: int  # of that window, in frames
 
-    def in_window(self, series: Floats) -> Floats:
+    def at_peak_of(self, series: Floats) -> Floats:
         """Part of a series in the window of the largest ratio."""
         return series[self.peak : self.peak + self.width]
 
     @property
-    def ratio(self) -> float:
+    def peak_shear_over_normal_force(self) -> float:
         """Largest running mean of force across over force along the normal [1]."""
-        return float(self.in_window(self.across).mean() / self.in_window(self.normal).mean())
+        return float(self.at_peak_of(self.across).mean() / self.at_peak_of(self.normal).mean())
 
 
-def strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
+def shear_strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
     """Strength in a plane that is sheared, of the force on all on its one side, or what it lacks."""
     width = max(round(PEAK_SHARE * len(loads)), 1)
     if len(loads) < LEAST_FRAMES:
@@ -81,7 +81,7 @@ def strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
     )
 
 
-def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
+def peak_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
     """Angle of friction in a plane that is sheared [deg], at its peak.
 
         angle = atan(max T / N)
@@ -90,10 +90,10 @@ def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
     sixteenth of the frames. `sd` is the standard error in that window. `details` has the ratio there, and N.
     """
     name = "friction_angle"
-    if isinstance(peak := strength(loads, axis), str):
+    if isinstance(peak := shear_strength(loads, axis), str):
         return no_measurement(name, "deg", peak)
-    ratio, load = peak.ratio, float(peak.in_window(peak.normal).mean())
-    window = peak.in_window(peak.across) / load
+    ratio, load = peak.peak_shear_over_normal_force, float(peak.at_peak_of(peak.normal).mean())
+    window = peak.at_peak_of(peak.across) / load
     error = float(np.std(window, ddof=1)) / sqrt(peak.width) / (1.0 + ratio**2) if peak.width > 1 else nan
     details = {"peak": ratio, "normal_force": load}
     return Measurement(name, degrees(atan(ratio)), degrees(error), "deg", details=details)
@@ -102,18 +102,18 @@ def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
 def residual_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
     """Angle of friction over the last quarter of the frames [deg]; `sd` is the error of that mean."""
     name = "residual_friction_angle"
-    if isinstance(peak := strength(loads, axis), str):
+    if isinstance(peak := shear_strength(loads, axis), str):
         return no_measurement(name, "deg", peak)
     rest = len(loads) - len(loads) // 4
-    mean = block_mean(name, (peak.across[rest:] / max(peak.normal[rest:].mean(), TINY)).tolist(), "deg")
+    mean = mean_by_block(name, (peak.across[rest:] / max(peak.normal[rest:].mean(), TINY)).tolist(), "deg")
     error = degrees(mean.sd / (1.0 + mean.value**2))
     return replace(mean, value=degrees(atan(mean.value)), sd=error)
 
 
-def at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
+def value_at_peak_ratio(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
     """Stress across or along the normal [Pa], or displacement across it [m], where the ratio is largest."""
     unit = "m" if name == "peak_displacement" else "Pa"
-    if isinstance(peak := strength(loads, axis), str):
+    if isinstance(peak := shear_strength(loads, axis), str):
         return no_measurement(name, unit, peak)
     shift = np.array([load[6:] - loads[0][6:] for load in loads])
     series = {
@@ -121,6 +121,6 @@ def at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Me
         "normal_stress": peak.normal / area,
         "peak_displacement": np.linalg.norm(shift - np.outer(shift @ axis, axis), axis=1),
     }[name]
-    window = peak.in_window(series)
+    window = peak.at_peak_of(series)
     error = float(np.std(window, ddof=1)) / sqrt(peak.width) if peak.width > 1 else nan
     return Measurement(name, float(window.mean()), error, unit)

@@ -45,7 +45,7 @@ class Window:
     lacking: tuple[Shortfall, ...] = ()  # where transport never became steady
 
     @property
-    def details(self) -> dict[str, float]:
+    def window_details(self) -> dict[str, float]:
         """As details of a measurement."""
         return {"window_start": self.start, "stress_over_wind": self.balance}
 
@@ -66,7 +66,7 @@ class Patch:
         return self.surface + FLIGHT * self.diameter
 
 
-def settling_velocity(state: Snapshot) -> Measurement:
+def mean_settling_velocity(state: Snapshot) -> Measurement:
     """Mean downward velocity of all grains [m s-1]; `sd` is that of single grains."""
     falling = -state.velocity[:, 2]
     sd = float(np.std(falling, ddof=1)) if len(falling) > 1 else nan
@@ -88,7 +88,7 @@ def bed_height(state: Snapshot) -> Measurement:
     return Measurement("bed_height", top, nan, "m")
 
 
-def block_mean(name: str, series: Sequence[float], unit: str) -> Measurement:
+def mean_by_block(name: str, series: Sequence[float], unit: str) -> Measurement:
     """Mean of a series; `sd` is the standard error of that mean from the scatter of block means.
 
     Reference: Flyvbjerg & Petersen (1989), J. Chem. Phys. 91, 461.
@@ -103,20 +103,20 @@ def block_mean(name: str, series: Sequence[float], unit: str) -> Measurement:
     )
 
 
-def flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
+def mean_sand_flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
     """Mass that passes a line across the wind, per width and time [kg m-1 s-1].
 
     Q = sum m v_x / A   over all grains of a patch of area A.
     """
-    return block_mean("flux", [flux_of(frame, patch) for frame in frames], "kg m-1 s-1")
+    return mean_by_block("flux", [sand_flux_of_frame(frame, patch) for frame in frames], "kg m-1 s-1")
 
 
-def flux_of(frame: Snapshot, patch: Patch) -> float:
+def sand_flux_of_frame(frame: Snapshot, patch: Patch) -> float:
     """Flux at one moment [kg m-1 s-1]."""
     return float((frame.mass * frame.velocity[:, 0]).sum()) / patch.area
 
 
-def flux_profile(frames: Sequence[Snapshot], patch: Patch) -> tuple[Floats, Floats]:
+def flux_density_profile(frames: Sequence[Snapshot], patch: Patch) -> tuple[Floats, Floats]:
     """Heights above the bed [m] and horizontal flux density [kg m-2 s-1] of the flying grains."""
     heights = [frame.position[:, 2] - patch.surface for frame in frames]
     carried = [frame.mass * frame.velocity[:, 0] for frame in frames]
@@ -129,13 +129,13 @@ def flux_profile(frames: Sequence[Snapshot], patch: Patch) -> tuple[Floats, Floa
     return 0.5 * (edges[1:] + edges[:-1]), total / (len(frames) * patch.area * np.diff(edges))
 
 
-def flux_height(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
+def flux_decay_height(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
     """Height over which the horizontal flux density falls by e [m].
 
     q = q_0 exp(-z / h), least squares in ln q weighted by q, over the part of the profile that carries the
     flux between its 5th and 95th percent.
     """
-    height, density = flux_profile(frames, patch)
+    height, density = flux_density_profile(frames, patch)
     carried = np.cumsum(density)
     if not len(carried) or carried[-1] <= 0.0:
         return no_measurement("flux_height", "m", "no grain flew")
@@ -166,20 +166,20 @@ def grain_stress_at_bed(air: AirProfile, patch: Patch) -> float:
     return -float((air.drag[:, 0] * np.diff(air.face) * share).sum())
 
 
-def bed_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
+def mean_air_stress_at_bed(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
     """Stress that the air itself still carries just above the grains of the undisturbed bed [Pa].
 
     Below that height, one diameter over the bed, grains at rest take it all within a layer or two.
     """
-    return block_mean("bed_stress", [air_stress_at_bed(air, patch) for air in airs], "Pa")
+    return mean_by_block("bed_stress", [air_stress_at_bed(air, patch) for air in airs], "Pa")
 
 
-def grain_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
-    """Stress that grains carry across the height of `bed_stress` [Pa]."""
-    return block_mean("grain_stress", [grain_stress_at_bed(air, patch) for air in airs], "Pa")
+def mean_grain_stress_at_bed(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
+    """Stress that grains carry across the height of `mean_air_stress_at_bed` [Pa]."""
+    return mean_by_block("grain_stress", [grain_stress_at_bed(air, patch) for air in airs], "Pa")
 
 
-def stress_share(airs: Sequence[AirProfile], patch: Patch, stress: float) -> Floats:
+def stress_ratio(airs: Sequence[AirProfile], patch: Patch, stress: float) -> Floats:
     """Stress of air and grains together over that of the wind [Pa], by frame [1]."""
     both = [air_stress_at_bed(air, patch) + grain_stress_at_bed(air, patch) for air in airs]
     return np.array(both) / stress
@@ -188,7 +188,7 @@ def stress_share(airs: Sequence[AirProfile], patch: Patch, stress: float) -> Flo
 def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) -> Window:
     """Longest steady window that reaches to the last of some times [s] after the begin of a stage.
 
-    `shares` are those of `stress_share`, by repeat; `hop` is the duration of a hop [s]. Where no window is
+    `shares` are those of `stress_ratio`, by repeat; `hop` is the duration of a hop [s]. Where no window is
     steady, the one nearest to it; of a stage that is too short, the whole.
     """
     count = min(len(share) for share in shares)
@@ -196,13 +196,13 @@ def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) 
     length = LEAST_HOP_TIMES * hop
     admissible = [k for k in range(count) if times[-1] - times[k] >= length] or [0]
 
-    def departure(first: int) -> float:
+    def departure_from_steady(first: int) -> float:
         begin = mean[first : int(np.searchsorted(times, times[first] + length)) + 1]
         parts = (begin, *np.array_split(mean[first:], 2))
         return max(abs(float(part.mean()) - 1.0) for part in parts)
 
-    balanced = (k for k in admissible if departure(k) <= BALANCE)
+    balanced = (k for k in admissible if departure_from_steady(k) <= BALANCE)
     first = next(balanced, None)
-    first = min(admissible, key=departure) if first is None else first
-    lacking = unsteady_shortfalls(times[-1], length, departure(first), BALANCE)
+    first = min(admissible, key=departure_from_steady) if first is None else first
+    lacking = unsteady_shortfalls(times[-1], length, departure_from_steady(first), BALANCE)
     return Window(first, float(times[first]), float(mean[first:].mean()), tuple(lacking))

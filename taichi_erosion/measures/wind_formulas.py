@@ -45,7 +45,7 @@ class Sand:
     viscosity: float = 1.46e-5  # m2 s-1, kinematic, of the air
 
     @property
-    def ratio(self) -> float:
+    def density_ratio(self) -> float:
         """Density of the grains over that of the air [1]."""
         return self.density / self.air_density
 
@@ -53,7 +53,7 @@ class Sand:
 def iversen_white(sand: Sand) -> float:
     """Fluid threshold of Iversen & White [m s-1], with A of their three ranges of Re."""
     adhesion = 6e-7 / (sand.density * GRAVITY * sand.diameter**2.5)
-    friction = scale = sqrt((1.0 + adhesion) * sand.ratio * GRAVITY * sand.diameter)
+    friction = scale = sqrt((1.0 + adhesion) * sand.density_ratio * GRAVITY * sand.diameter)
     for _ in range(ROUNDS):
         reynolds = friction * sand.diameter / sand.viscosity
         if reynolds > 10.0:
@@ -68,21 +68,21 @@ def iversen_white(sand: Sand) -> float:
 def shao_lu(sand: Sand, cohesion: float = 3e-4) -> float:
     """Fluid threshold of Shao & Lu [m s-1]; `cohesion` is G [kg s-2]."""
     pull = cohesion / (sand.air_density * sand.diameter)
-    return sqrt(0.0123 * (sand.ratio * GRAVITY * sand.diameter + pull))
+    return sqrt(0.0123 * (sand.density_ratio * GRAVITY * sand.diameter + pull))
 
 
 def kok_impact(sand: Sand) -> float:
     """Impact threshold of Kok et al. [m s-1]; NaN beyond 0.05 to 2 mm and for other grains or air."""
     diameters, values = np.array(KOK.split(), dtype=float).reshape(-1, 2).T
-    if abs(log(sand.ratio / Sand(sand.diameter).ratio)) > SAME_DENSITY:
+    if abs(log(sand.density_ratio / Sand(sand.diameter).density_ratio)) > SAME_DENSITY:
         return nan
     place, ends = log(1e6 * sand.diameter), {"left": nan, "right": nan}
     return 1e-3 * exp(np.interp(place, np.log(diameters), np.log(values), **ends))
 
 
-def settling_speed(sand: Sand) -> float:
+def settling_speed_of_sphere(sand: Sand) -> float:
     """Speed at which a sphere falls in still air, by the drag of Schiller & Naumann [m s-1]."""
-    speed = stokes = (sand.ratio - 1.0) * GRAVITY * sand.diameter**2 / (18.0 * sand.viscosity)
+    speed = stokes = (sand.density_ratio - 1.0) * GRAVITY * sand.diameter**2 / (18.0 * sand.viscosity)
     for _ in range(ROUNDS):  # the mean of two steps converges at any size
         reynolds = speed * sand.diameter / sand.viscosity
         speed = 0.5 * (speed + stokes / (1.0 + 0.15 * reynolds**0.687))
@@ -91,7 +91,7 @@ def settling_speed(sand: Sand) -> float:
 
 FLUID: dict[str, Callable[[Sand], float]] = {
     "Bagnold (1941)": lambda s: (
-        sqrt(0.01 * (s.ratio - 1.0) * GRAVITY * s.diameter) if s.diameter >= 2e-4 else nan
+        sqrt(0.01 * (s.density_ratio - 1.0) * GRAVITY * s.diameter) if s.diameter >= 2e-4 else nan
     ),
     "Iversen & White (1982)": iversen_white,
     "Shao & Lu (2000)": shao_lu,
@@ -103,7 +103,7 @@ RANGES = {  # of laws that are NaN beyond, and what stands in
 }
 FLUX: dict[str, Callable[[Sand, float, float], float]] = {  # over rho / g, of sand, u* and u_t
     "Kawamura (1951)": lambda _, u, t: 2.78 * (u - t) * (u + t) ** 2,
-    "Owen (1964)": lambda sand, u, t: u * (0.25 + settling_speed(sand) / (3.0 * u)) * (u**2 - t**2),
+    "Owen (1964)": lambda sand, u, t: u * (0.25 + settling_speed_of_sphere(sand) / (3.0 * u)) * (u**2 - t**2),
     "Durán et al. (2011)": lambda _, u, t: 5.0 * t * (u**2 - t**2),
 }
 

@@ -11,7 +11,7 @@ from taichi_erosion.mechanisms.factors import SAMPLE_WIND
 from taichi_erosion.mechanisms.library import dose_range
 from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene
-from taichi_erosion.scene.schema.fields import numbers_in
+from taichi_erosion.scene.schema.fields import all_numbers_in
 
 DoseOf = Callable[[Any, Mapping[str, Any]], Any]  # (params, conditions) -> dose [1]
 Point = tuple[dict[str, float], float, float]  # conditions, dose there [1], response of a device effect there
@@ -56,7 +56,7 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
             scene = sample_scene(wind=SAMPLE_WIND)
             got = probe(params, conditions, scene=scene)
             want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
-            numbers = (numbers_in(resolve(each)) for each in (got, want))
+            numbers = (all_numbers_in(resolve(each)) for each in (got, want))
             differences = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
             yield Check(claim, max(differences), 0.0, atol=1e-4)
         else:

@@ -17,7 +17,7 @@ import numpy as np
 from taichi_erosion.core.effect import Effect, quantity
 from taichi_erosion.core.effect_file import MEMBER, EffectFile
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.physical_ranges import place_range
+from taichi_erosion.scene.physical_ranges import range_at
 
 TABLE = Path(__file__).with_name("table.toml")
 DOSE = "dose"  # parameter of every mechanism
@@ -99,7 +99,7 @@ def physical_doses(mechanism: Effect, scenes: Iterable[Scene]) -> tuple[float, f
             for name, entries in getattr(bare, place).items():
                 half = getattr(halved, place)[name]
                 for entry, value in entries:
-                    allowed = place_range(f"{place}.{name}.{entry}")
+                    allowed = range_at(f"{place}.{name}.{entry}")
                     if allowed is not None and value and getattr(half, entry) == 0.5 * value:
                         least, most = allowed.usual or (allowed.low, allowed.high)
                         low, high = max(low, least / value - 1.0), min(high, most / value - 1.0)

@@ -22,7 +22,7 @@ from matplotlib.path import Path as Outline
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
+from taichi_erosion.evidence.words.part_words import LIKELY, bad_places, sure_and_either
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
 from taichi_erosion.report.figure_style import (
     AFTER,
@@ -58,7 +58,7 @@ def ranked_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
-    fails = failing(record)
+    fails = bad_places(record)
     pairs = []
     for place in ranked:
         if place in fails or place.observable not in {name for name, _ in pairs}:
@@ -72,7 +72,7 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
     """Rows of an observable in order of a condition, in the units of the table; without one in their own."""
     rows, scale = record.rows, voc.scale(observable)
     columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", *MODELS)}
-    columns |= {f"gap_{key}": rows.gap(columns[key]) for key in MODELS}
+    columns |= {f"gap_{key}": rows.residuals(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
     table["limit"] = list(map(limit_of, rows.low, rows.high))
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
@@ -84,7 +84,7 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
 
 def model_labels(record: Record) -> tuple[str, str, str]:
     """What is drawn beside each other: measured, the model before and after; empty where nothing is added."""
-    return page_words.MEASURED, page_words.BARE, page_words.added_words(record)
+    return page_words.MEASURED, page_words.BARE, page_words.added_effects_text(record)
 
 
 def limit_of(low: float, high: float) -> str:
@@ -105,10 +105,10 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
         measured = f"between {' and '.join(units.value_text(name, end) for end in (low, high))}"
     elif side:
         measured = f"{side} {units.value_text(name, value)}"
-    models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
+    models = {page_words.BARE: rows.before, page_words.added_effects_text(record): rows.after}
     words = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    return "\n".join([f"{page_words.MEASURED} {measured}", *words, *units.setting_text(at).split(", ")])
+    return "\n".join([f"{page_words.MEASURED} {measured}", *words, *units.conditions_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
@@ -182,7 +182,7 @@ def draw_interval(frame: Axes, at: float, size: Interval, colour: str) -> None:
 
 def posterior_picture(record: Record) -> Picture:
     """Bars of the probabilities of explanations."""
-    bars = list(page_words.explanations(record))
+    bars = list(page_words.explanations_by_probability(record))
 
     def draw(width: float) -> Figure:
         figure, frame, at = label_chart(width, [label for label, *_ in bars])
@@ -198,7 +198,7 @@ def posterior_picture(record: Record) -> Picture:
 
 def strength_picture(record: Record) -> Picture:
     """Strengths of what acts, and of the others as far as these measurements see them."""
-    acting_names = {name for names in acting(record) for name in names}
+    acting_names = {name for names in sure_and_either(record) for name in names}
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
@@ -206,7 +206,7 @@ def strength_picture(record: Record) -> Picture:
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for y, (name, part) in zip(at, parts, strict=True):
             if name in acting_names or part.probability > LIKELY:
-                draw_interval(frame, y, part.interval, AFTER)
+                draw_interval(frame, y, part.strength_range, AFTER)
                 continue
             is_excluded = part.status == "excluded"
             unseen = np.nan_to_num(part.limit if is_excluded else part.unseen_below, nan=part.most)
@@ -223,7 +223,7 @@ def strength_picture(record: Record) -> Picture:
 
 def number_picture(record: Record) -> Picture:
     """Calibrated numbers if nothing is missing, and with what is told."""
-    is_told = bool(page_words.added_words(record))
+    is_told = bool(page_words.added_effects_text(record))
 
     def draw(width: float) -> Figure:
         figure, frames = panels(len(record.parameters), 1, (width, 0.75))
@@ -260,7 +260,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
     law, doses = mechanism.law, sorted(mechanism.doses, key=lambda dose: tuple(dose.conditions.values()))
     assert law is not None
     sizes = np.array([(dose.dose, dose.low, dose.high) for dose in doses]).T
-    places = (voc.units.setting_text(dose.conditions).split(", ") for dose in doses)
+    places = (voc.units.conditions_text(dose.conditions).split(", ") for dose in doses)
     words = (interval(Interval(*size)) for size in sizes.T.tolist())
     texts = {"doses": ["\n".join([size, *place]) for size, place in zip(words, places, strict=True)]}
     for number, axis in enumerate(law.conditions):
@@ -286,7 +286,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     x = np.array([voc.units.condition(axis, each.at) for each in curve.points])
     sizes = scale * np.array([(each.value, each.low, each.high) for each in curve.points]).T
     texts = [
-        f"{interval(each, 2, scale, unit)}\n{voc.units.setting_text({axis: each.at})}"
+        f"{interval(each, 2, scale, unit)}\n{voc.units.conditions_text({axis: each.at})}"
         for each in curve.points
     ]
 
@@ -306,7 +306,7 @@ def ladder_picture(record: Record) -> Picture:
     vault = record.vault
     before, after = (vault.chi2_per_row_before, vault.chi2_per_row_after) if vault else (np.nan, np.nan)
     steps = {page_words.BARE: (record.chi2_per_row_before, before)}
-    steps[page_words.added_words(record)] = record.chi2_per_row_after, after
+    steps[page_words.added_effects_text(record)] = record.chi2_per_row_after, after
     if vault and np.isfinite(vault.chi2_per_row_wrong_effect):
         steps[f"control: {vault.wrong_effect}"] = np.nan, vault.chi2_per_row_wrong_effect
 

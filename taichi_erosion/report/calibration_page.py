@@ -21,7 +21,7 @@ from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, rec
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.figure_style import raster
 from taichi_erosion.report.html import address_of, origin_line, write_page
-from taichi_erosion.tables.number_words import markdown_table, with_scatter_of, with_spread
+from taichi_erosion.tables.number_words import markdown_table, round_to_scatter, value_and_sd_text
 
 Row = Mapping[str, Any]
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # header and rows of a table
@@ -72,7 +72,7 @@ def publish(calibration: Calibration) -> Path:
         design=f"{design} of {len(runs)} runs, {runs.kinds.count('centre')} of them at the centre",
         verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
-        scatter=with_scatter_of,
+        scatter=round_to_scatter,
         symbols=symbols(calibration),
         kept=", ".join(calibration.file.labels[path] for path in document["analyse"]["kept"]),
         effects={name: markdown_table(*effect_table(calibration, name)) for name in targets},
@@ -116,7 +116,7 @@ def effect_table(calibration: Calibration, name: str) -> Cells:
         # the scatter of single runs where the screening has no t
         error = abs(effect["value"] / t) if t == t and t != 0.0 else screened["quality"]["sd"]
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        value = with_scatter_of(effect["value"], error, with_sign=True)
+        value = round_to_scatter(effect["value"], error, with_sign=True)
         label = f"{effect['label']} {entry.symbol}".strip()
         rows.append((label, limits, value, f"{effect['p']:.2g}", entry.published))
     unit = calibration.file.study.targets[name].unit
@@ -135,7 +135,7 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     elif test["power"] < LEAST_POWER:
         answer = "Not refuted."
     keys = ("difference", "detectable", "resolve")
-    difference, detectable, resolved = (with_scatter_of(test[key], test["runs"]["sd"]) for key in keys)
+    difference, detectable, resolved = (round_to_scatter(test[key], test["runs"]["sd"]) for key in keys)
     power = POWER.format(seen=detectable, resolved=resolved, unit=unit, power=test["power"])
     far = f"{difference} {unit}, p = {test['p']:.2g}"
     return f"**{answer}** {VERDICTS[answer].format(name=name, far=far, power=power)}"
@@ -191,7 +191,7 @@ def optimum_table(calibration: Calibration) -> Cells:
         row = [four_digits(one["settings"][path]) for path in paths]
         for predicted in (one["predicted"][name] for name in targets):
             half = 0.5 * (predicted["high"] - predicted["low"])  # as many digits as the interval deserves
-            value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
+            value, low, high = (round_to_scatter(predicted[key], half) for key in ("value", "low", "high"))
             row.append(f"{value} ({low} to {high})")
         rows.append(row)
     header = (*(calibration.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
@@ -201,7 +201,7 @@ def optimum_table(calibration: Calibration) -> Cells:
 def sample_texts(test: Mapping[str, Any]) -> dict[str, str]:
     """Mean, standard deviation and number of the confirmation runs and of the measurement."""
     return {
-        kind: with_spread(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))
+        kind: value_and_sd_text(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))
         for kind in ("runs", "wanted")
     }
 

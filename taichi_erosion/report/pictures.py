@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from taichi_erosion.core.files import marked_png, write_atomic
-from taichi_erosion.measures.photograph import read_grey
+from taichi_erosion.measures.photograph import read_grey_picture
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, Sand, flux_by
 from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, page_style, panels, raster, scale_axis
 
@@ -73,7 +73,7 @@ def reaches(measure: Document) -> tuple[float, float, float]:
 
 def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Path:
     """Write the photograph with the detection of `measure_photograph` over it. Raises BadInput."""
-    grey = read_grey(photograph)
+    grey = read_grey_picture(photograph)
     details = record["details"]
     rows, columns = grey.shape
     width = WIDTH / DOTS_PER_INCH

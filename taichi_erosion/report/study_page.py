@@ -13,13 +13,13 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, document_file, read_reply
+from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, answer_file, read_reply
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.evidence.words.answer_lines import Table, sensitivity_table
-from taichi_erosion.evidence.words.part_words import acting
+from taichi_erosion.evidence.words.part_words import sure_and_either
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
@@ -100,7 +100,7 @@ def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
             replies[command] = reply
-            age[command] = document_file(folder, study.stem, command).stat().st_mtime_ns
+            age[command] = answer_file(folder, study.stem, command).stat().st_mtime_ns
     digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
     answers = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
     answers = {name: reply for name, reply in answers.items() if reply.about["digest"] == digest}
@@ -131,21 +131,21 @@ def answer_page(
     voc = replace(vocabulary, **nearby)
     lead = [name for name in records if name in page_words.LEADING][-1]
     leading = records[lead]
-    sentences = page_words.answers(records, voc)
+    sentences = page_words.answers_by_command(records, voc)
     parts = page_words.page_lines(sentences, lead)
     panels = figures.ranked_places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     missing = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]
-        acts = {name for names in acting(record) for name in names}
+        acts = {name for names in sure_and_either(record) for name in names}
         if record.law and record.law.mechanism in acts:
             missing += figures.dose_pictures(record.mechanisms[record.law.mechanism], voc)
         missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
         missing += [figures.posterior_picture(record)]
         missing += [figures.strength_picture(record)] if record.effects else []
     adoption = records.get("adopt", leading)
-    misfits = [figures.ladder_picture(adoption)] if page_words.added_words(adoption) else []
+    misfits = [figures.ladder_picture(adoption)] if page_words.added_effects_text(adoption) else []
     numbers = [figures.number_picture(adoption)] if adoption.parameters else []
     columns = missing, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
@@ -164,7 +164,7 @@ def answer_page(
             for name, commands, named_tables, pictures in zip(titles, parts[1:], tables, columns, strict=True)
         ],
         "method_title": method_title,
-        "methods": page_words.methods(leading, model),
+        "methods": page_words.methods_text(leading, model),
         "notes": [],  # on table and runs
-        "acting": {name for names in acting(records.get("discover", leading)) for name in names},
+        "acting": {name for names in sure_and_either(records.get("discover", leading)) for name in names},
     }

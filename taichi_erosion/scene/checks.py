@@ -13,17 +13,17 @@ from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.preparation import air, limits
-from taichi_erosion.scene.preparation.fill import lattice_points, listed_diameters, places_per_layer
+from taichi_erosion.scene.preparation.fill import cubic_lattice, own_diameters, places_per_layer
 from taichi_erosion.scene.preparation.sizes import (
-    grain_cube,
-    kind_counts,
+    grain_count_of_kinds,
     nominal_diameter,
-    reach_over_diameter,
+    reach_ratio,
+    scene_mean_cubed_diameter,
     size_range,
-    template_spheres,
+    spheres_of_clump,
 )
-from taichi_erosion.scene.preparation.walls import distance_to_wall, revolved_rows
-from taichi_erosion.scene.schema.air import AirScene, box_problems
+from taichi_erosion.scene.preparation.walls import distance_to_wall, surface_of_revolution_rows
+from taichi_erosion.scene.schema.air import AirScene, air_box_contradictions
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel
 from taichi_erosion.scene.schema.grains import Bed, Lattice, Layers, Positions, Pour, Rain
@@ -43,10 +43,10 @@ PARALLEL = 0.999  # cosine between two axes that count as one direction [1]
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 
-def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
+def scene_contradictions(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene whose entries are right one by one; a value that cannot be computed is one."""
     lines = list(reference_problems(scene, observables))
-    for check in (check_sizes, check_wind, check_fill, check_numbers):
+    for check in (size_contradictions, wind_contradictions, fill_contradictions, computed_number_problems):
         try:
             lines = lines or list(check(scene))
         except BadInput as error:
@@ -57,31 +57,31 @@ def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[
     yield from lines
 
 
-def check_sizes(scene: Scene) -> Iterator[str]:
+def size_contradictions(scene: Scene) -> Iterator[str]:
     """Sizes that one neighbour search can serve, in replicas that fit into memory."""
     low, high = size_range(scene.grains)
     if high > LARGEST_RATIO * low:
         ratio = f"the largest may be {LARGEST_RATIO:g} times the smallest"
         yield f"grains.size: diameters from {low:g} to {high:g} m; {ratio}"
     clump, replicas = scene.grains.clump, scene.run.replicas
-    spheres = scene.grains.count * (len(template_spheres(clump)) if clump else 1) * replicas
+    spheres = scene.grains.count * (len(spheres_of_clump(clump)) if clump else 1) * replicas
     if spheres > MOST_SPHERES:
         yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"
-    for name, count in kind_counts(scene).items() if scene.fill.law != "positions" else ():
+    for name, count in grain_count_of_kinds(scene).items() if scene.fill.law != "positions" else ():
         if count == 0:
             yield f"grains.kinds.{name}.share: no grain of {scene.grains.count}; raise it or grains.count"
 
 
-def check_wind(scene: Scene) -> Iterator[str]:
+def wind_contradictions(scene: Scene) -> Iterator[str]:
     """Air, lid, exchange interval and sleep suit the grains."""
     if scene.wind is not None:
-        for check in (lid_checks, exchange_checks, sleep_checks, grid_checks):
+        for check in (lid_checks, exchange_interval_problems, sleep_time_problems, air_grid_contradictions):
             yield from check(scene, scene.wind)
 
 
 def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """The lid lies above the bed, and where wind blows above most grains that hop."""
-    bed, diameter = air.surface_height(scene, wind), nominal_diameter(scene.grains)
+    bed, diameter = air.bed_surface_height(scene, wind), nominal_diameter(scene.grains)
     blows = wind.friction_velocity > 0.0 or any(
         stage.until == "threshold" or stage.friction_velocity for stage in scene.stages
     )
@@ -93,7 +93,7 @@ def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         yield f"wind.height = {wind.height:g} m: {hops}; at least {least:.3g} m"
 
 
-def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+def exchange_interval_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """Exchanges come before drag has changed a velocity: Stokes' response time is rho_p d^2 / (18 mu)."""
     least = min(
         m.density * size_range(scene.grains.parts[n].size)[0] ** 2 for n, m in scene.grain_materials.items()
@@ -107,7 +107,7 @@ def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         )
 
 
-def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+def sleep_time_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """The time at rest before sleep tells resting grains from falling ones."""
     if wind.sleep_after is None:
         return
@@ -117,7 +117,7 @@ def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         yield f"wind.sleep_after = {wind.sleep_after:g} s: {reason}; at least 0.1 sqrt(d / g)"
 
 
-def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+def air_grid_contradictions(scene: Scene, wind: Wind) -> Iterator[str]:
     """Columns of a grid are wider than grains, and no gust crosses more than a cell between two exchanges."""
     if wind.columns == (1, 1):
         return
@@ -127,7 +127,7 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
             yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {reason}"
     friction = max([wind.friction_velocity, *(stage.friction_velocity or 0.0 for stage in scene.stages)])
     friction = wind.partition * max(friction, scene.threshold.transport or 0.0, scene.threshold.first or 0.0)
-    above = wind.height - air.surface_height(scene, wind)
+    above = wind.height - air.bed_surface_height(scene, wind)
     roughness = air.GRAIN_ROUGHNESS * nominal_diameter(scene.grains)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
     flown = fastest * wind.look_steps * limits.time_step(scene)
@@ -139,32 +139,32 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
         )
 
 
-def check_fill(scene: Scene) -> Iterator[str]:
+def fill_contradictions(scene: Scene) -> Iterator[str]:
     """Grains start apart and find room."""
-    fill, largest, share = scene.fill, size_range(scene.grains)[1], reach_over_diameter(scene.grains)
-    reach, mean = share * largest, min(grain_cube(scene) ** (1.0 / 3.0), largest)
+    fill, largest, share = scene.fill, size_range(scene.grains)[1], reach_ratio(scene.grains)
+    reach, mean = share * largest, min(scene_mean_cubed_diameter(scene) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
-        yield from listed_checks(scene, fill)
-    elif isinstance(fill, Layers) and scene.patch_size is None:
+        yield from placed_grain_problems(scene, fill)
+    elif isinstance(fill, Layers) and scene.periods_xy is None:
         words = "a [wind] section must state its length and width, or [domain] its period"
         yield f"fill.law = 'layers' fills a patch: {words}"
     elif scene.domain.period is not None and not isinstance(fill, Layers | Bed):
         yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers', 'positions' or 'bed'"
-    elif not isinstance(fill, Layers | Bed) and (lines := list(room_checks(scene, fill, reach))):
+    elif not isinstance(fill, Layers | Bed) and (lines := list(start_room_problems(scene, fill, reach))):
         yield from lines
     elif not isinstance(fill, Bed | Pour):
         yield from net_checks(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
 
 
-def room_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
+def start_room_problems(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
     """Grains of some reach [m] start inside their fill or inlets, and inside tubes and funnels about them."""
-    yield from inlet_checks(scene, fill) if isinstance(fill, Pour) else ()
-    for path, start, axis, radius, narrowest in start_discs(fill):
+    yield from inlet_contradictions(scene, fill) if isinstance(fill, Pour) else ()
+    for path, start, axis, radius, narrowest in discs_of_start(fill):
         if narrowest < reach:
             yield f"{path} = {narrowest:g} m is smaller than a grain's reach of {reach:g} m"
             continue
         tubes = [(name, wall) for name, wall in scene.geometry.items() if isinstance(wall, Cylinder | Funnel)]
-        for name, row in ((name, row) for name, wall in tubes for row in revolved_rows(wall)):
+        for name, row in ((name, row) for name, wall in tubes for row in surface_of_revolution_rows(wall)):
             arm, own_axis = np.subtract(start, row[:3]), np.array(row[3:6])
             along = float(arm @ own_axis)
             across = float(np.linalg.norm(arm - along * own_axis))
@@ -174,7 +174,7 @@ def room_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iter
                 yield f"{path} = {radius:g} m: grains would start outside the wall; {reason}"
 
 
-def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
+def discs_of_start(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
     """Discs where grains start: path of the radius, middle [m], axis, radius and least half width [m]."""
     upwards = np.array(UPWARDS)
     if isinstance(fill, Rain):
@@ -189,7 +189,7 @@ def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floa
         yield f"{path}.{shape}", np.array(inlet.middle), upwards, inlet.reach, narrowest
 
 
-def inlet_checks(scene: Scene, fill: Pour) -> Iterator[str]:
+def inlet_contradictions(scene: Scene, fill: Pour) -> Iterator[str]:
     """Every kind of grains has an inlet, from which it falls."""
     passing, kinds = {inlet.kind for inlet in fill.parts.values()}, set(scene.grains.kinds)
     for kind in sorted(kinds - passing) if None not in passing else ():
@@ -211,21 +211,21 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iter
         )
     elif isinstance(fill, Lattice):
         cells = (2.0 * fill.radius + fill.length) ** 3 / fill.pitch**3
-        places = len(lattice_points(fill)) if cells < MOST_SPHERES else MOST_SPHERES
+        places = len(cubic_lattice(fill)) if cells < MOST_SPHERES else MOST_SPHERES
         if places < scene.grains.count:
             yield f"grains.count = {scene.grains.count}: the fill has {places} places"
-    if isinstance(fill, Layers) and scene.patch_size is not None:
+    if isinstance(fill, Layers) and scene.periods_xy is not None:
         names = (
             ("domain.period.0", "domain.period.1") if scene.wind is None else ("wind.length", "wind.width")
         )
-        sides = zip(names, scene.patch_size, places_per_layer(scene.patch_size, fill), strict=True)
+        sides = zip(names, scene.periods_xy, places_per_layer(scene.periods_xy, fill), strict=True)
         for name, size, places in sides:
             if places < PATCH_GRAINS_LEAST:
                 least = PATCH_GRAINS_LEAST
                 yield f"{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
 
 
-def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
+def placed_grain_problems(scene: Scene, fill: Positions) -> Iterator[str]:
     """Explicitly placed grains are as many as stated, and apart from each other and from walls."""
     if len(fill.grains) != scene.grains.count:
         yield f"grains.count = {scene.grains.count}, but fill.grains lists {len(fill.grains)}"
@@ -236,7 +236,7 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
         yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {names}"
         return
     centres = np.array([grain.position for grain in fill.grains])
-    radius = reach_over_diameter(scene.grains) * listed_diameters(scene, fill)
+    radius = reach_ratio(scene.grains) * own_diameters(scene, fill)
     for i, j in sorted(scipy.spatial.KDTree(centres).query_pairs(2.0 * float(radius.max()))):
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):
@@ -247,14 +247,14 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
                 yield f"fill.grains.{i} overlaps geometry.{name} by {radius[i] - gap:.3g} m"
 
 
-def check_numbers(scene: Scene) -> Iterator[str]:
+def computed_number_problems(scene: Scene) -> Iterator[str]:
     """Mesh files can be read; time step and stiffness are within their limits."""
-    limits.refuse_unsafe_step(scene)
+    limits.refuse_too_long_time_step(scene)
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:
         yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
     speed = limits.expected_speed(scene)
-    for name, radius, mass, young in limits.smallest_impacts(scene):
+    for name, radius, mass, young in limits.smallest_grains_of_kinds(scene):
         overlap = limits.impact_overlap(0.5 * mass, 0.5 * radius, young, speed) / radius
         if overlap > scene.run.overlap_limit:
             yield (
@@ -266,18 +266,18 @@ def check_numbers(scene: Scene) -> Iterator[str]:
 def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene of air alone whose entries are right one by one."""
     yield from observable_problems(scene.measure, observables)
-    yield from list(box_problems(scene.air)) or computed_problems(scene)
+    yield from list(air_box_contradictions(scene.air)) or roughness_and_step_problems(scene)
 
 
-def computed_problems(scene: AirScene) -> Iterator[str]:
+def roughness_and_step_problems(scene: AirScene) -> Iterator[str]:
     """Roughness lengths lie below the centres of cells at walls; the time step follows the fastest wind."""
-    layers = air.box_faces(scene.air)
+    layers = air.cell_face_heights(scene.air)
     for name, lowest in (("z_low", layers[1]), ("z_high", scene.air.extents[2] - layers[-2])):
         side = scene.air.sides[name]
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
             length = side.roughness_length
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
-    step, longest = air.air_time_step(scene), air.longest_step(scene)
+    step, longest = air.air_time_step(scene), air.stable_step(scene)
     if step > longest * (1.0 + 1e-9):
         reason = "lets wind or diffusion cross more than a cell (CFL)"
         yield f"run.time_step = {step:g} s {reason}; at most {longest:.3g} s"

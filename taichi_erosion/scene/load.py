@@ -14,8 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
-from taichi_erosion.scene.checks import air_checks, cross_checks
-from taichi_erosion.scene.paths import apply_override
+from taichi_erosion.scene.checks import air_checks, scene_contradictions
+from taichi_erosion.scene.paths import set_value_by_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS, FOR_HASH
@@ -70,17 +70,17 @@ def refuse_other_kind(path: Path, ours: FileKind, *also: str) -> None:
     name = one_line_name(path)
     if path.is_dir():
         raise BadInput(f"{name}: is a folder; name a {ours}")
-    kind = file_kind(path)
+    kind = kind_of_file(path)
     if kind not in (None, ours, *also) and path.is_file():
         raise BadInput(f"{name}: {REMEDIES[kind].format(path=shlex.quote(name))}; a {ours} is wanted here")
 
 
-def file_kind(path: Path) -> str | None:
+def kind_of_file(path: Path) -> str | None:
     """Kind of a file by its ending or its sections; None where they do not tell, or it cannot be read."""
     if path.suffix.lower() != ".toml":
         return ENDINGS.get(path.suffix.lower())
     try:
-        table = toml_tree(read_text_file(path))
+        table = parse_toml(read_text_file(path))
     except (OSError, ValueError, RecursionError):
         return None
     if "study" in table or "observables" in table:
@@ -95,7 +95,7 @@ def load_scene(
 
     `overrides` are PATH=VALUE. `observables` are those of the program; None: their names are not checked.
     """
-    return parse_scene(toml_table(path), one_line_name(path), Path(path).parent, overrides, observables)
+    return parse_scene(read_toml(path), one_line_name(path), Path(path).parent, overrides, observables)
 
 
 def load_air_scene(
@@ -103,42 +103,42 @@ def load_air_scene(
 ) -> AirScene:
     """Validated scene of air alone of a TOML file."""
     name = one_line_name(path)
-    return validate(AirScene, toml_table(path), name, overrides, lambda scene: air_checks(scene, observables))
+    return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_checks(scene, observables))
 
 
 def is_air_scene(path: Path) -> bool:
     """Whether a file describes air alone; an unreadable file does not."""
     try:
-        table = toml_table(path)
+        table = read_toml(path)
     except BadInput:
         return False
     return "air" in table and "grains" not in table
 
 
-def toml_table(path: str | Path, kind: FileKind = "scene") -> dict[str, Any]:
+def read_toml(path: str | Path, kind: FileKind = "scene") -> dict[str, Any]:
     """Raw table of a TOML file of the wanted kind."""
     name = one_line_name(path)
     refuse_other_kind(Path(path), kind)
     try:
-        return deepcopy(dict(toml_tree(file_text(Path(path), name))))
+        return deepcopy(dict(parse_toml(read_text_of_file(Path(path), name))))
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
+        raise BadInput(f"{name}: not a TOML file: {error_line(error)}") from None
 
 
 @lru_cache(maxsize=MOST_TREES)
-def toml_tree(text: str) -> Mapping[str, Any]:
+def parse_toml(text: str) -> Mapping[str, Any]:
     """Tree of a TOML text, shared by all who read it: a plan reads one file for every run."""
     return tomllib.loads(text)
 
 
-def file_text(path: Path, name: str) -> str:
+def read_text_of_file(path: Path, name: str) -> str:
     """Content of a text file."""
     try:
         return read_text_file(path)
     except FileNotFoundError:
         raise BadInput(f"{name}: no such file") from None
     except (OSError, ValueError) as error:
-        raise BadInput(f"{name}: cannot be read as text: {first_line(error)}") from None
+        raise BadInput(f"{name}: cannot be read as text: {error_line(error)}") from None
 
 
 def parse_scene(
@@ -150,11 +150,11 @@ def parse_scene(
 ) -> Scene:
     """Validated scene of a raw table, as TOML or `resolve` gives it."""
 
-    def problems(scene: Scene) -> Iterator[str]:
+    def contradictions_of_scene(scene: Scene) -> Iterator[str]:
         scene._folder = folder
-        return cross_checks(scene, observables)
+        return scene_contradictions(scene, observables)
 
-    return validate(Scene, table, name, overrides, problems)
+    return validate(Scene, table, name, overrides, contradictions_of_scene)
 
 
 def validate(
@@ -168,9 +168,9 @@ def validate(
     raw, diameter = deepcopy(dict(table)), None
     try:
         for override in overrides:
-            apply_override(raw, override)
-        raw = with_tuples(raw)
-        diameter = readable_diameter(raw) if kind is Scene else None
+            set_value_by_override(raw, override)
+        raw = tuples_in(raw)
+        diameter = nominal_diameter_or_none(raw) if kind is Scene else None
         scene = kind.model_validate(raw, context={DIAMETER: diameter})
         scene._file = name
         if lines := list(problems(scene)):
@@ -179,29 +179,29 @@ def validate(
     except BadInput as error:
         lines = error.faults
     except ValidationError as error:
-        lines = problem_lines(error, raw, diameter)
+        lines = error_lines(error, raw, diameter)
     except (OverflowError, RecursionError) as error:
-        lines = [f"cannot be used: {first_line(error)}"]
+        lines = [f"cannot be used: {error_line(error)}"]
     raise BadInput(*fault_lines(name, lines)) from None
 
 
-def problem_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:
+def error_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:
     """One line for every error, in the order of the file's sections.
 
     Without a nominal diameter [m] lengths in diameters cannot be judged: of a scene only the grains are.
     """
     entries = error.errors(include_url=False)
     grains = [entry for entry in entries if entry["loc"][:1] == ("grains",)]
-    return [problem_line(entry, table) for entry in (grains if diameter is None and grains else entries)]
+    return [error_line_of(entry, table) for entry in (grains if diameter is None and grains else entries)]
 
 
-def problem_line(entry: Any, table: Any) -> str:
+def error_line_of(entry: Any, table: Any) -> str:
     """`grains.count = -3 lies outside [1, 5e+06]`."""
     kind, context = entry["type"], entry.get("ctx", {})
-    words, value_there = place_in_file(entry["loc"], table)
-    where, tag = dotted_path(words), context.get("discriminator", "").strip("'")
+    words, value_there = keys_and_value_of_place(entry["loc"], table)
+    where, tag = join_dotted_path(words), context.get("discriminator", "").strip("'")
     if kind == "unknown":
-        return f"{dotted_path([*words, context['key']])} is unknown; {context['hint']}"
+        return f"{join_dotted_path([*words, context['key']])} is unknown; {context['hint']}"
     if kind == "contradiction":
         return f"{where}: {context['message']}"
     if kind == "missing":
@@ -217,7 +217,7 @@ def problem_line(entry: Any, table: Any) -> str:
     return f"{where} = {value} {SENTENCES.get(kind, text[:1].lower() + text[1:])}"
 
 
-def place_in_file(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
+def keys_and_value_of_place(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
     """Keys of a place as the file has them, and its value there.
 
     Left out are tags of unions (a section's own `law` or `shape`) and marks of keys; what was given in
@@ -239,9 +239,9 @@ def place_in_file(location: tuple[str | int, ...], table: Any) -> tuple[list[str
     return words, table
 
 
-def dotted_path(words: list[str]) -> str:
+def join_dotted_path(words: list[str]) -> str:
     """Path of a place in one line."""
-    return ".".join(map(one_line, words)) or "the file"
+    return ".".join(map(printable_line, words)) or "the file"
 
 
 def short_value(value: Any) -> str:
@@ -250,10 +250,10 @@ def short_value(value: Any) -> str:
         return "a table"
     if isinstance(value, tuple):
         value = list(value)
-    return one_line(f"'{value}'" if isinstance(value, str) else repr(value))
+    return printable_line(f"'{value}'" if isinstance(value, str) else repr(value))
 
 
-def one_line(text: str) -> str:
+def printable_line(text: str) -> str:
     """Printable text without line breaks, at most LONGEST_VALUE characters."""
     clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_VALUE + 1])
     return clean if len(clean) <= LONGEST_VALUE else clean[: LONGEST_VALUE - 3] + "..."
@@ -262,7 +262,7 @@ def one_line(text: str) -> str:
 SIZES: TypeAdapter[Size] = TypeAdapter(Size)
 
 
-def readable_diameter(table: Mapping[str, Any]) -> float | None:
+def nominal_diameter_or_none(table: Mapping[str, Any]) -> float | None:
     """Nominal diameter [m], None where the size law is invalid."""
     try:
         return nominal_diameter(SIZES.validate_python(table["grains"]["size"]))
@@ -270,12 +270,12 @@ def readable_diameter(table: Mapping[str, Any]) -> float | None:
         return None
 
 
-def with_tuples(value: Any) -> Any:
+def tuples_in(value: Any) -> Any:
     """The same tree with tuples for lists, as frozen records hold them."""
     if isinstance(value, dict):
-        return {key: with_tuples(entry) for key, entry in value.items()}
+        return {key: tuples_in(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return tuple(with_tuples(entry) for entry in value)
+        return tuple(tuples_in(entry) for entry in value)
     return value
 
 
@@ -284,7 +284,7 @@ def fault_lines(name: str, lines: Sequence[str]) -> list[str]:
     return [f"{name}: {line}" for line in lines]
 
 
-def first_line(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     """First line of an exception's message."""
     lines = str(error).splitlines()
     return lines[0] if lines else type(error).__name__

@@ -53,7 +53,7 @@ def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
             yield path, value
 
 
-def meaning_of(path: str) -> str:
+def describe_entry_at_path(path: str) -> str:
     """Meaning, unit and range of an entry; of a section also the entries below it, one line each.
 
     Raises BadInput for a path that no scene has.
@@ -61,16 +61,16 @@ def meaning_of(path: str) -> str:
     schema = scene_schema()
     node: Any = schema
     for key in path.split("."):
-        above, node = node, next(entries_below(schema, node, key), None)
+        above, node = node, next(entry_schemas_below(schema, node, key), None)
         if node is None:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
     meanings = [o["description"] for o in options(schema, node.get("items", node)) if "description" in o]
     nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a part"
-    return "\n".join([f"{path}: {told_entry(node, nameless)}", *lines_below(schema, node)])
+    return "\n".join([f"{path}: {describe_entry(node, nameless)}", *lines_below(schema, node)])
 
 
-def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
+def describe_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
     """Meaning, unit, range, default and choices of an entry, as its schema states them."""
     entry = {key: value for option in entry.get("anyOf", ()) for key, value in option.items()} | dict(entry)
     bounds = [f"{a} {entry[b]:g}" for a, b in (("from", "minimum"), ("to", "maximum")) if b in entry]
@@ -91,17 +91,17 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
             yield "  a list, each entry a section with"
             yield from (f"  {line}" for line in entries)
         within = option.get("properties", {})
-        if (has_names := schema_of_names(option)) is not None:
+        if (has_names := schema_of_user_named_sections(option)) is not None:
             yield "  names of your own, each a section with"
             yield from (f"  {line}" for line in lines_below(schema, has_names))
         for name, entry in sorted(within.items(), key=lambda item: "const" not in item[1]):
             if "const" in entry:
                 yield f'  {name} = "{entry["const"]}", with'
             elif not (name.endswith("_d") and name.removesuffix("_d") in within):
-                yield f"  {name}: {told_entry(entry)}".rstrip(": ")
+                yield f"  {name}: {describe_entry(entry)}".rstrip(": ")
 
 
-def schema_of_names(node: dict[str, Any]) -> dict[str, Any] | None:
+def schema_of_user_named_sections(node: dict[str, Any]) -> dict[str, Any] | None:
     """Schema of the sections of a table under names of the user's own; None where there are none."""
     tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
     return next((table for table in tables if isinstance(table, dict)), None)
@@ -135,7 +135,7 @@ def section_schema(name: str) -> dict[str, Any]:
 
 
 @cache
-def number_at(path: str) -> NumberEntry | None:
+def number_entry_at_path(path: str) -> NumberEntry | None:
     """The number that a dotted path sets; None where no scene has the path, or it is no number.
 
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
@@ -144,7 +144,7 @@ def number_at(path: str) -> NumberEntry | None:
     schema, number = section_schema(section), None
     nodes = [schema]
     for key in keys:
-        nodes = [below for node in nodes for below in entries_below(schema, node, key)]
+        nodes = [below for node in nodes for below in entry_schemas_below(schema, node, key)]
         numbers = (option for node in nodes for option in options(schema, node) if "unit" in option)
         number = next(numbers, number) if nodes else None
     if number is None:
@@ -153,13 +153,13 @@ def number_at(path: str) -> NumberEntry | None:
     return NumberEntry(unit, float(number.get("minimum", -inf)), float(number.get("maximum", inf)))
 
 
-def unit_of_path(path: str) -> str | None:
+def unit_at_path(path: str) -> str | None:
     """Unit of the number that a dotted path sets; None where there is none."""
-    number = number_at(path)
+    number = number_entry_at_path(path)
     return number and number.unit
 
 
-def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+def entry_schemas_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
     """Schemas of an entry below a section, a table or a list, of every option of a union."""
     for option in options(schema, node):
         branch: Any = option.get("properties", {}).get(key)
@@ -169,12 +169,12 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
         elif branch is None:
             items = option.get("items", {})
             has_names = any("name" in each.get("properties", ()) for each in options(schema, items))
-            branch = items if has_names else schema_of_names(option)
+            branch = items if has_names else schema_of_user_named_sections(option)
         if isinstance(branch, dict):
             yield branch
 
 
-def apply_override(table: dict[str, Any], override: str) -> None:
+def set_value_by_override(table: dict[str, Any], override: str) -> None:
     """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word.
 
     What was given of the same quantity in the other unit, metres or diameters, is dropped. Raises BadInput.
@@ -184,23 +184,23 @@ def apply_override(table: dict[str, Any], override: str) -> None:
         *above, last = path.strip().split(".")
         if not equals or not all((*above, last)):
             raise ValueError("write it as PATH=VALUE, for example grains.count=3000")
-        value = parse_value(text.strip())
+        value = parse_toml_value(text.strip())
         holder: Any = table
         for depth, key in enumerate(above):
             if isinstance(holder, dict):
-                holder = holder.setdefault(place_in_table(holder, key, above[:depth]), {})
+                holder = holder.setdefault(key_in_table(holder, key, above[:depth]), {})
             else:
-                holder = holder[place_in_list(holder, key)]
+                holder = holder[index_in_list(holder, key)]
         if isinstance(holder, dict):
             holder.pop(last.removesuffix(DIAMETERS) if last.endswith(DIAMETERS) else last + DIAMETERS, None)
-            holder[place_in_table(holder, last, above)] = value
+            holder[key_in_table(holder, last, above)] = value
         else:
-            holder[place_in_list(holder, last)] = value
+            holder[index_in_list(holder, last)] = value
     except ValueError as error:
         raise BadInput(one_line_name(f"--set {override[:80]}: {error}")) from None
 
 
-def parse_value(text: str) -> Any:
+def parse_toml_value(text: str) -> Any:
     """Value of a TOML expression, or the word itself. Raises ValueError."""
     try:
         table = tomllib.loads(f"value = {text}")
@@ -213,13 +213,13 @@ def parse_value(text: str) -> Any:
     raise ValueError("the value is not a TOML value: a plain number with a decimal point, or text in quotes")
 
 
-def place_in_table(holder: dict[str, Any], key: str, above: list[str]) -> str:
+def key_in_table(holder: dict[str, Any], key: str, above: list[str]) -> str:
     """Key of a table; a contact pair in the order of the scene."""
     turned = "-".join(reversed(key.split("-")))
     return turned if above == ["contact"] and key not in holder and turned in holder else key
 
 
-def place_in_list(holder: Any, key: str) -> int:
+def index_in_list(holder: Any, key: str) -> int:
     """Position in a list, counted from 0, of a place or of a section by its name. Raises ValueError."""
     if not isinstance(holder, list):
         raise ValueError(f"'{key}' lies below a value that is not a table")

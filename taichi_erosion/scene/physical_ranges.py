@@ -7,7 +7,7 @@ its own here. The usual range is that of soil, sand and wind on Earth.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from taichi_erosion.scene.paths import number_at
+from taichi_erosion.scene.paths import number_entry_at_path
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
 GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
@@ -23,14 +23,14 @@ class PhysicalRange:
     high: float
     usual: tuple[float, float] | None = None
 
-    def possible(self, value: float) -> bool:
+    def is_possible(self, value: float) -> bool:
         """Whether a value can be."""
         return self.low <= value <= self.high
 
     def is_usual(self, value: float) -> bool:
         """Whether a value is possible and, where a usual range is known, within it; zero always is."""
         low, high = self.usual or (self.low, self.high)
-        return self.possible(value) and (low <= value <= high or value == 0.0)
+        return self.is_possible(value) and (low <= value <= high or value == 0.0)
 
 
 ANGLE = PhysicalRange("deg", 0.0, 90.0, (5.0, 70.0))
@@ -85,19 +85,19 @@ OWN_RANGES: Mapping[str, PhysicalRange] = {  # of conditions that no scene has b
 }
 
 
-def place_range(path: str) -> PhysicalRange | None:
+def range_at(path: str) -> PhysicalRange | None:
     """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known.
 
     A condition of the scene's own has none.
     """
-    number = None if path.startswith("conditions.extra.") else number_at(path)
+    number = None if path.startswith("conditions.extra.") else number_entry_at_path(path)
     if number is None:
         return OWN_RANGES.get(path)
     usual = USUAL.get(path, USUAL.get(path.split(".")[-1]))
     return PhysicalRange(number.unit, number.low, number.high, usual)
 
 
-def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
+def range_scale(unit: str | None, allowed: PhysicalRange) -> Scale | None:
     """Scale from a unit as written to that of a range; None where they differ in kind."""
     try:
         return scale_between(unit or allowed.unit, parse_unit(allowed.unit))
@@ -105,11 +105,11 @@ def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
         return None
 
 
-def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
+def plausible_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
     """Other units that put all numbers of a column within the usual range."""
     source, units = parse_scale(unit or allowed.unit), list[str]()
     for other in UNITS if any(values) else ():
-        scale, target = scale_of(other, allowed), parse_scale(other)
+        scale, target = range_scale(other, allowed), parse_scale(other)
         another = (target.factor, target.origin) != (source.factor, source.origin)
         if scale is not None and another and all(allowed.is_usual(scale.to_use(value)) for value in values):
             units.append(other)

@@ -9,8 +9,8 @@ from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_p
 from taichi_erosion.core.effect_file import ON_DEVICE, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.scene import Scene, build_setup, parse_scene, resolve
-from taichi_erosion.scene.preparation.air import surface_height
+from taichi_erosion.scene import Scene, parse_scene, replica_setup, resolve
+from taichi_erosion.scene.preparation.air import bed_surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 Library = Mapping[str, Effect]
@@ -26,9 +26,9 @@ def circumstances_of(after: Scene) -> dict[str, float]:
         "adhesion_scale": after.grains.adhesion_scale,
     }
     if after.wind is not None:
-        of_scene["bed_height"] = surface_height(after, after.wind)
+        of_scene["bed_height"] = bed_surface_height(after, after.wind)
         of_scene["density_ratio"] = after.grain_density / after.wind.density
-    return after.conditions.stated_values() | of_scene
+    return after.conditions.values_in_si() | of_scene
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
@@ -36,7 +36,7 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
 
     What comes out is validated like a file. Raises BadInput where it cannot be simulated.
     """
-    conditions, changed = scene.conditions.stated_values(), scene
+    conditions, changed = scene.conditions.values_in_si(), scene
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)
@@ -64,7 +64,7 @@ def changed_by(
 def prepare(scene: Scene, seed: int, library: Library) -> Setup:
     """Setup of one replica with all effects in it. Raises BadInput for parameters out of range."""
     after = effective_scene(scene, library)
-    setup = build_setup(after, seed)
+    setup = replica_setup(after, seed)
     largest = float(setup.grains.radius.max())
     effects = tuple(device_effects(after, library, largest))
     return replace(setup, effects=effects)
@@ -89,7 +89,7 @@ def can_act(scene: Scene, effect: Effect) -> bool:
     """Whether an effect can act under the conditions that a scene states."""
     with failures_of(effect, "can_act"):
         return bool(
-            np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.stated_values().items()}))
+            np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.values_in_si().items()}))
         )
 
 
@@ -98,7 +98,7 @@ def makes_difference(scene: Scene, effect: Effect) -> bool:
     params, strength = checked_params(scene, effect)
     circumstances = circumstances_of(scene)
     if effect.place == "scene":
-        return changed_by(effect, params, strength, scene.conditions.stated_values(), scene) != scene
+        return changed_by(effect, params, strength, scene.conditions.values_in_si(), scene) != scene
     if effect.place == "instrument":
         return any(effect.act(params, strength, circumstances, name, 1.0) != 1.0 for name in scene.measure)
     assert effect.constants is not None

@@ -93,21 +93,21 @@ def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False
     if between and (match is None or unit_in(match["unit"] or "1") is None):  # `5e-3` is one number
         if single and not middle:
             raise CellFault("is no single number; write the likeliest")
-        return interval(between, comma)
+        return middle_of_interval(between, comma)
     assert match is not None
     if single and match["limit"]:
         raise CellFault("is no single number; write the likeliest")
     if match["sd_unit"] and match["sd_unit"] != match["unit"] and (match["unit"] or match["sd_unit"] == "%"):
         raise CellFault("has two units, of the value and its scatter; give the scatter a column of its own")
     reach = {"<": -inf, ">": inf}.get(match["limit"], 0.0)
-    sd = decimal(match["sd"], comma) if match["sd"] else nan
+    sd = decimal_value(match["sd"], comma) if match["sd"] else nan
     unit = match["unit"] or match["sd_unit"] or ""
-    return CellNumber(decimal(match["number"], comma), reach, sd, unit_in(unit) or unit)
+    return CellNumber(decimal_value(match["number"], comma), reach, sd, unit_in(unit) or unit)
 
 
-def interval(between: re.Match[str], comma: bool) -> CellNumber:
+def middle_of_interval(between: re.Match[str], comma: bool) -> CellNumber:
     """Middle and half width of an interval; of a class of sizes, `0.43-0.25 mm`, the coarse end may lead."""
-    low, high = (decimal(between[end], comma) for end in ("low", "high"))
+    low, high = (decimal_value(between[end], comma) for end in ("low", "high"))
     if between["to"] in "-–—":
         low, high = min(low, high), max(low, high)
     if not low < high:
@@ -130,7 +130,7 @@ def reason(plain: str) -> str:
     )
 
 
-def decimal(number: str, comma: bool) -> float:
+def decimal_value(number: str, comma: bool) -> float:
     """Value of a number; raises CellFault for one with the other mark, or with two readings."""
     digits = re.sub(r"(?<=\d)[ '\u2019](?=\d{3})", "", number)
     wrong, right = (".", ",") if comma else (",", ".")

@@ -101,7 +101,7 @@ def read_heading(text: str) -> Heading:
         bare = f"{words} {remarks}" if unit else text
         unit = unit or ("%" if PERCENT.search(text) else "")
     name = " ".join(bare.split()) or text
-    return with_law(Heading(text, name, unit, "" if unit else unreadable))
+    return add_number_law(Heading(text, name, unit, "" if unit else unreadable))
 
 
 def unit_and_words(text: str) -> tuple[str, str]:
@@ -121,7 +121,7 @@ def unit_and_words(text: str) -> tuple[str, str]:
     for match in SEPARATOR.finditer(text):
         first, rest = text[: match.start()], text[match.end() :]
         if (
-            (match[0].strip() in (",", ";", ":") or is_evident(first))
+            (match[0].strip() in (",", ";", ":") or is_surely_a_unit(first))
             and not unit_in(rest)
             and unit_in(first)
         ):
@@ -134,7 +134,7 @@ def unit_at_end(text: str) -> tuple[str, str]:
     for match in SEPARATOR.finditer(text):
         name, sign, rest = text[: match.start()], match[0].strip(), text[match.end() :]
         is_unit = sign in STATING and (sign != "/" or len(name) < COMPOUND)
-        if not name or not (is_unit or is_evident(rest)) or re.match(r"\d+\s", rest):
+        if not name or not (is_unit or is_surely_a_unit(rest)) or re.match(r"\d+\s", rest):
             continue
         unit, words = unit_and_words(rest) if SHARE.fullmatch(rest) else (unit_in(rest) or "", "")
         valued = not sign and NUMBER_LAST.fullmatch(name) and unit not in ("", *LAWS)
@@ -143,7 +143,7 @@ def unit_at_end(text: str) -> tuple[str, str]:
     return "", text
 
 
-def is_evident(text: str) -> bool:
+def is_surely_a_unit(text: str) -> bool:
     """Whether words can only be a unit."""
     return text in words_of("evident") or UNIT_SIGN.search(text) is not None
 
@@ -160,7 +160,7 @@ def looks_like_unit(text: str) -> bool:
     return False
 
 
-def with_law(heading: Heading) -> Heading:
+def add_number_law(heading: Heading) -> Heading:
     """The heading with the law by which its numbers are turned into those of what it means."""
     role, place = meaning_of(heading.name)
     for law, (places, units, unit) in LAWS.items():
@@ -170,7 +170,7 @@ def with_law(heading: Heading) -> Heading:
     return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
 
 
-def by_law(number: float, unit: str, heading: Heading) -> float:
+def apply_law(number: float, unit: str, heading: Heading) -> float:
     """A number of a column in phi [mm], a tangent [deg], or water over wet mass, as over dry mass."""
     if heading.law == "mesh" or unit not in ("", heading.unit, heading.law):
         raise ValueError(heading.law)
@@ -179,7 +179,7 @@ def by_law(number: float, unit: str, heading: Heading) -> float:
     return 2.0**-number if heading.law == "phi" else degrees(atan(number))
 
 
-def stated_unit(heading: Heading, text: str) -> Heading:
+def set_stated_unit(heading: Heading, text: str) -> Heading:
     """The heading with the unit that the user states; one that cannot be read is kept as such."""
     unit = unit_in(text)
     unit = "" if unit in LAWS else unit
@@ -227,7 +227,7 @@ def plain_words(text: str) -> str:
     return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())
 
 
-def occurrence(word: str) -> str:
+def word_pattern(word: str) -> str:
     """Pattern of a known word in a heading.
 
     A short word must stand alone; a longer one may be the part of a compound, at its beginning or its end.
@@ -239,9 +239,9 @@ def occurrence(word: str) -> str:
     return rf"(?<!\w){plain}(?!\w)" if alone else rf"(?<!\w){plain}|{plain}(?!\w)"
 
 
-def found_length(word: str, heading: str) -> int:
+def word_length(word: str, heading: str) -> int:
     """Length of a known word that a heading has, an ideograph as three letters; 0 where it has not."""
-    if not word or word not in heading or not re.search(occurrence(word), heading):
+    if not word or word not in heading or not re.search(word_pattern(word), heading):
         return 0
     return len(word) * (3 if ord(word[-1]) >= IDEOGRAPHS else 1)
 
@@ -249,17 +249,17 @@ def found_length(word: str, heading: str) -> int:
 def has_word(heading: str, words: Iterable[str]) -> bool:
     """Whether a heading has one of some words."""
     plain = plain_words(heading)
-    return any(found_length(word, plain) for word in words)
+    return any(word_length(word, plain) for word in words)
 
 
 @cache
-def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
+def best_word(heading: str, *kinds: str) -> tuple[int, str, str]:
     """Length of the longest known word of some kinds in a heading, its kind, and its meaning."""
     plain = plain_words(heading)
     best = (0, "", "")
     for kind in kinds:
         for name, words in vocabulary()[kind].items():
-            length = max(found_length(word, plain) for word in words)
+            length = max(word_length(word, plain) for word in words)
             if kind in KINDS and heading.strip() == name.rpartition(".")[2]:
                 length = len(heading) + 1
             if length > best[0]:
@@ -278,43 +278,43 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
     if whole is not None:
         return whole, ""  # pyright: ignore[reportReturnType]
-    length, kind, meaning = longest_word(heading, *KINDS)
+    length, kind, meaning = best_word(heading, *KINDS)
     scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
-    if scatter is not None and left_words(heading):
+    if scatter is not None and words_beside_quantity(heading):
         if kind == "conditions":
             return ("condition_sd", meaning) if scatter == "sd" else ("remark", "")
         return scatter, ""
-    other, _, role = longest_word(heading, "roles")
-    if longest_word(heading, "others")[0] > max(length, other) or of_another(heading):
+    other, _, role = best_word(heading, "roles")
+    if best_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
         return "unknown", ""
     if other and (not length or (role in SCATTER and other > length)):
         return role, ""  # pyright: ignore[reportReturnType]
     return KINDS.get(kind, "unknown"), meaning
 
 
-def left_words(heading: str) -> str:
+def words_beside_quantity(heading: str) -> str:
     """Words of a heading beside those of the quantity that it means."""
-    plain, (_, kind, meaning) = plain_words(heading), longest_word(heading, *KINDS)
+    plain, (_, kind, meaning) = plain_words(heading), best_word(heading, *KINDS)
     words = (*vocabulary()[kind][meaning], plain_words(meaning.rpartition(".")[2])) if kind else ()
     for word in sorted((word for word in words if word in plain), key=len, reverse=True):
-        plain = re.sub(occurrence(word), " ", plain)
+        plain = re.sub(word_pattern(word), " ", plain)
     return " ".join(plain.split())
 
 
-def of_another(heading: str) -> bool:
+def names_another_thing(heading: str) -> bool:
     """Whether a heading names a thing that has the quantity too: the diameter of a funnel."""
-    things = vocabulary()["things"].get(longest_word(heading, *KINDS)[2], ())
-    return has_word(left_words(heading), things)
+    things = vocabulary()["things"].get(best_word(heading, *KINDS)[2], ())
+    return has_word(words_beside_quantity(heading), things)
 
 
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
-    remainder, meaning = left_words(heading.name), longest_word(heading.name, *KINDS)[2]
+    remainder, meaning = words_beside_quantity(heading.name), best_word(heading.name, *KINDS)[2]
     for word in (*vocabulary()["laws"].get(heading.law, ()), *vocabulary()["again"].get(meaning, ())):
-        remainder = re.sub(occurrence(word), " ", remainder)
+        remainder = re.sub(word_pattern(word), " ", remainder)
     scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meaning, "everywhere")]
     scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meaning in places]
-    changed = [word for words in scopes for word in words if found_length(word, remainder)]
+    changed = [word for words in scopes for word in words if word_length(word, remainder)]
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
     if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:
         changed.append("/")  # a ratio of two quantities
@@ -325,7 +325,7 @@ def qualifiers(heading: Heading) -> tuple[str, str]:
 def scatter_role(plain: str) -> Role | None:
     """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
     roles: list[tuple[int, Role]] = []
-    numbered = [phrase for phrase in vocabulary()["roles"]["remark"] if found_length(phrase, plain)]
+    numbered = [phrase for phrase in vocabulary()["roles"]["remark"] if word_length(phrase, plain)]
     for role in SCATTER:
         for word in vocabulary()["roles"][role]:
             if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
@@ -348,7 +348,7 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     return "unknown", ""
 
 
-def wind_height(heading: Heading, name: str) -> float:
+def wind_height_of_heading(heading: Heading, name: str) -> float:
     """Height above the bed at which a column of winds was measured [m]; NaN where it states none.
 
     `name` is what the heading means; a single letter u or v is a speed where its unit is one.
@@ -364,18 +364,18 @@ def wind_height(heading: Heading, name: str) -> float:
     return nan if index is None else float(index["number"])
 
 
-def lone_angle(heading: Heading) -> str:
+def meaning_of_only_angle(heading: Heading) -> str:
     """Angle that a heading means in a table where nothing else is measured, `angle 1 [deg]`; else empty."""
     bare = re.sub(r"\d+", " ", plain_words(heading.name)).strip()
     angles = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
     return angles[0] if angles and parse_scale(heading.unit).kind == RADIAN else ""
 
 
-def near_meaning(heading: str, bare: bool = False) -> str:
+def suggest_meaning(heading: str, bare: bool = False) -> str:
     """What a heading seems to misspell, or may mean beside others, as a letter that is `bare` of a unit."""
     plain = plain_words(heading)
     words = vocabulary()
-    if longest_word(heading, "others")[0] or of_another(heading):
+    if best_word(heading, "others")[0] or names_another_thing(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
     named_first = [name for name, texts in several if has_word(heading, texts)]
@@ -390,18 +390,18 @@ def near_meaning(heading: str, bare: bool = False) -> str:
     }
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
     near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
-    near = [word for word in near if any(is_misspelt(part, word) for part in parts)]
+    near = [word for word in near if any(is_misspelling_of(part, word) for part in parts)]
     return next(iter([*named_first, *(likeness[word] for word in near)]), "")
 
 
-def is_misspelt(text: str, word: str) -> bool:
+def is_misspelling_of(text: str, word: str) -> bool:
     """Whether a text may be a known word, of which each word is misspelt, behind its first letter, by one."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
     alike = ((a, b) for a, b in pairs if a[:1] == b[:1] and abs(len(a) - len(b)) < 2)
     return sum(bool(get_close_matches(a, [b], cutoff=NEAR)) for a, b in alike) == len(pairs)
 
 
-def holds_value(heading: Heading) -> bool:
+def heading_holds_value(heading: Heading) -> bool:
     """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
     text = heading.name if heading.unit else BRACKETED_UNIT.sub(" ", heading.text)
     return any(unit_in(unit) not in (None, heading.unit) for unit in VALUE.findall(text))

@@ -64,7 +64,7 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
     return f"column_{place + 1}" if plain in others else plain
 
 
-def no_conditions(
+def non_conditions(
     columns: Mapping[str, Floats],
     results: Sequence[Floats],
     conditions: Mapping[str, Floats],
@@ -77,7 +77,7 @@ def no_conditions(
     """
     others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
-        reason = why_no_condition(heading, values, results, others, number_sets([set_ups]))
+        reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
         if reason:
             why[heading] = reason
         else:
@@ -88,7 +88,7 @@ def no_conditions(
     return why
 
 
-def why_no_condition(
+def why_column_is_no_condition(
     heading: str, values: Floats, results: Sequence[Floats], others: Mapping[str, Floats], set_ups: Floats
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
@@ -96,9 +96,9 @@ def why_no_condition(
     A column with many values that differs between repeats, and that these do not follow, is no condition
     where another one varies.
     """
-    distinct, rest = np.unique(values), number_sets([*others.values(), set_ups])
+    distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
-        tells = any(affects(np.nan_to_num(values), each, rest) for each in results)
+        tells = any(column_affects_result(np.nan_to_num(values), each, rest) for each in results)
         return "" if tells else "it is not known in every row"
     whole = bool(np.all(values == np.round(values)))
     if distinct.size == 1:
@@ -109,14 +109,14 @@ def why_no_condition(
     summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
     if summary or RESULTS.search(plain_words(heading)):
         return "it is a result beside the measured quantity"
-    if any(is_computed_from(values, each) for each in results):
+    if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
     if same := [
         text for text, other in others.items() if is_parabola_of(values, other) or follows(values, other)
     ]:
         return f"it changes with '{same[0]}' alone"
-    many = distinct.size > values.size / 2 and differs_within(values, rest)
-    if many and np.ptp(rest) > 0.0 and not any(affects(values, each, rest) for each in results):
+    many = distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
+    if many and np.ptp(rest) > 0.0 and not any(column_affects_result(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
@@ -131,19 +131,19 @@ def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -
     return ""
 
 
-def number_sets(columns: Sequence[Floats]) -> Floats:
+def value_set_numbers(columns: Sequence[Floats]) -> Floats:
     """Number of each row's set of values; equal for equal sets."""
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel().astype(np.float64)
 
 
 def follows(column: Floats, other: Floats) -> bool:
     """Whether a column has one value for each value of another one, some of which are repeated."""
-    return np.unique(other).size < column.size and not differs_within(column, other)
+    return np.unique(other).size < column.size and not differs_at_equal_values(column, other)
 
 
-def differs_within(column: Floats, other: Floats) -> bool:
+def differs_at_equal_values(column: Floats, other: Floats) -> bool:
     """Whether a column differs where another one does not."""
-    return np.unique(number_sets([other, column])).size > np.unique(other).size
+    return np.unique(value_set_numbers([other, column])).size > np.unique(other).size
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:
@@ -151,10 +151,10 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
     both = np.isfinite(column) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
         return False
-    return unexplained_share(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
+    return variance_left_by_parabola(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
-def is_computed_from(column: Floats, result: Floats) -> bool:
+def is_computed_from_result(column: Floats, result: Floats) -> bool:
     """Whether a column is computed from a measured quantity: it follows it within their last digits."""
     x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
     if not is_parabola_of(x, y):
@@ -163,27 +163,27 @@ def is_computed_from(column: Floats, result: Floats) -> bool:
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
     steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-300)
     variance = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
-    rounding = (last_digit(x) ** 2 + np.mean(steep**2) * last_digit(y) ** 2) / 12.0
+    rounding = (size_of_last_digit(x) ** 2 + np.mean(steep**2) * size_of_last_digit(y) ** 2) / 12.0
     return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))
 
 
-def last_digit(values: Floats) -> float:
+def size_of_last_digit(values: Floats) -> float:
     """Size of the last decimal digit with which numbers are written; 0 where it is beyond the eighth."""
     units = (10.0**-k for k in range(-3, 9))
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
-def affects(values: Floats, result: Floats, rest: Floats) -> bool:
+def column_affects_result(values: Floats, result: Floats, rest: Floats) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)
     free = int(both.sum()) - np.unique(rest[both]).size - 2
-    if free < 1 or not differs_within(result[both], rest[both]):
+    if free < 1 or not differs_at_equal_values(result[both], rest[both]):
         return False
-    share = unexplained_share(result[both], values[both], rest[both])
+    share = variance_left_by_parabola(result[both], values[both], rest[both])
     return bool(fdtrc(2, free, (1.0 / max(share, 1e-12) - 1.0) * free / 2.0) < CHANCE)
 
 
-def unexplained_share(y: Floats, x: Floats, rest: Floats) -> float:
+def variance_left_by_parabola(y: Floats, x: Floats, rest: Floats) -> float:
     """Share of the variance of y, where all else is the same, that a parabola of x leaves."""
     same = rest[:, np.newaxis] == np.unique(rest)
     x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)

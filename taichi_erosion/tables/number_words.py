@@ -25,7 +25,7 @@ def plain(value: float, digits: int = 3) -> str:
     return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
-def key_text(name: str) -> str:
+def toml_key(name: str) -> str:
     """A name as a key of TOML, in quotes where it has letters that are not ASCII."""
     return name if name.isascii() else f'"{name}"'
 
@@ -40,28 +40,28 @@ def set_up_name(conditions: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in conditions)
 
 
-def with_spread(value: float, sd: float, n: int) -> str:
+def value_and_sd_text(value: float, sd: float, n: int) -> str:
     """`value ± sd (n)`, rounded to the second digit of sd; without sd for a single value."""
     if not isfinite(value):
         return "none"
     if n < 2 or not isfinite(sd):
         return f"{value:.4g} (1)"
-    places = max(0, 1 - magnitude(sd))
+    places = max(0, 1 - decimal_exponent(sd))
     return f"{value:.{places}f} ± {sd:.{places}f} ({n})"
 
 
-def with_scatter_of(value: float, scatter: float, with_sign: bool = False) -> str:
+def round_to_scatter(value: float, scatter: float, with_sign: bool = False) -> str:
     """Number rounded to the second digit of its scatter; to four digits where that is not known."""
     sign = "+" if with_sign else ""
     if not isfinite(value):
         return "none"
     if not (isfinite(scatter) and scatter > 0.0):
         return f"{value:{sign}.4g}"
-    places = 1 - magnitude(scatter)
+    places = 1 - decimal_exponent(scatter)
     return f"{round(value, places) + 0.0:{sign}.{max(places, 0)}f}"
 
 
-def magnitude(number: float) -> int:
+def decimal_exponent(number: float) -> int:
     """Decimal exponent."""
     return int(f"{number:e}".partition("e")[2])
 

@@ -32,7 +32,7 @@ from taichi_erosion.tables.cell_numbers import (
 )
 from taichi_erosion.tables.headings import (
     Heading,
-    by_law,
+    apply_law,
     is_summary,
     meaning_of,
     meaning_of_symbol,
@@ -79,30 +79,30 @@ class Cells:
         return self.rows[1:]
 
 
-def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
+def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     """Cells of a file; rows that do not fit are left out and added to `faults`. Raises BadInput."""
     if path.suffix.lower() == ".toml" or path.is_dir():
         refuse_other_kind(path, "table")
-    content = file_bytes(path, name)
+    content = read_table_file_bytes(path, name)
     if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
         raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")
     if content.startswith(WORKBOOK) or path.suffix.lower() in (".xlsx", ".xlsm"):
-        rows, comma, form = workbook_rows(content, name)
+        rows, comma, form = rows_of_workbook(content, name)
     else:
-        text, encoding = decode(content, name)
-        separator = separator_of(text)
-        rows = text_rows(text, separator, name)
+        text, encoding = decode_text(content, name)
+        separator = guess_separator(text)
+        rows = rows_of_delimited_text(text, separator, name)
         comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         rows.pop()  # a footnote
-    rows = with_repeats(with_one_heading(rows[start:]))
-    return write_out(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
+    rows = name_blank_repeat_columns(with_one_heading(rows[start:]))
+    return convert_units(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
 
 
-def file_bytes(path: Path, name: str) -> bytes:
+def read_table_file_bytes(path: Path, name: str) -> bytes:
     """Content of a regular file of reasonable size."""
     try:
         if (size := regular_file(path).stat().st_size) > LARGEST_FILE:
@@ -114,7 +114,7 @@ def file_bytes(path: Path, name: str) -> bytes:
         raise BadInput(f"{name}: cannot be read: {str(error).splitlines()[0]}") from None
 
 
-def decode(content: bytes, name: str) -> tuple[str, str]:
+def decode_text(content: bytes, name: str) -> tuple[str, str]:
     """Text of a file and the name of its encoding."""
     marked = next((code for mark, code in MARKS.items() if content.startswith(mark)), None)
     for encoding in (marked or "utf-8", "cp1252"):
@@ -133,7 +133,7 @@ def decode(content: bytes, name: str) -> tuple[str, str]:
     return str(best), best.encoding
 
 
-def separator_of(text: str) -> str:
+def guess_separator(text: str) -> str:
     """Separator that makes the most rows as wide as the widest of the first ones."""
     lines = [line for line in text.splitlines()[:200] if line.strip(" ;,\t")]
     declared = lines[0].strip() if lines else ""
@@ -142,20 +142,20 @@ def separator_of(text: str) -> str:
     if ONE_COLUMN.fullmatch("\n".join(lines)):
         return ";"
 
-    def even_rows(separator: str) -> tuple[int, int]:
+    def count_even_rows(separator: str) -> tuple[int, int]:
         widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
         commonest = max(widths, key=widths.count, default=1)
         return (widths.count(commonest) if commonest > 1 else 0), commonest
 
     try:
-        counts = {separator: even_rows(separator) for separator in SEPARATORS}
+        counts = {separator: count_even_rows(separator) for separator in SEPARATORS}
     except csv.Error:
         return ","
     wide = [separator for separator in SEPARATORS if counts[separator][0]]
     return max(wide, key=lambda s: (counts[s][0] > 0.5 * len(lines), s != ",", counts[s]), default=",")
 
 
-def text_rows(text: str, separator: str, name: str) -> Lines:
+def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
     """Rows with content."""
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows, before = [], 0
@@ -171,26 +171,26 @@ def text_rows(text: str, separator: str, name: str) -> Lines:
     return rows
 
 
-def workbook_rows(content: bytes, name: str) -> tuple[Lines, bool, str]:
+def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     """Rows of the first sheet with columns of numbers, else of the first one; decimal comma; form."""
-    sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
+    sheets = [(title, rows) for title, rows in visible_sheets(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
-    title, rows = next((sheet for sheet in sheets if holds_table(sheet[1])), sheets[0])
+    title, rows = next((sheet for sheet in sheets if sheet_holds_table(sheet[1])), sheets[0])
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
     others = ", ".join(repr(other) for other, _ in sheets if other != title)
     form = f"workbook, sheet '{title}'" + (f" (not read: {others})" if others else "")
     mark = "," if comma else "."
-    return [(line, [cell_text(value, mark) for value in row]) for line, row in rows], comma, form
+    return [(line, [workbook_cell_text(value, mark) for value in row]) for line, row in rows], comma, form
 
 
-def holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
+def sheet_holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
     """Whether a sheet has two numbers or more in a row, in two rows or more."""
-    texts = ([cell_text(value, ".") for value in values] for _, values in rows)
+    texts = ([workbook_cell_text(value, ".") for value in values] for _, values in rows)
     return sum(sum(is_quantity(text) for text in row if has_digit([text])) > 1 for row in texts) > 1
 
 
-def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, list[Any]]]]]:
+def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, list[Any]]]]]:
     """Title and rows with content of visible sheets. Raises BadInput for formulas without a value."""
     import openpyxl
 
@@ -229,7 +229,7 @@ def cell_value(cell: Any) -> Any:
     return " ".join(value.split()) if isinstance(value, str) else value
 
 
-def cell_text(value: Any, mark: str) -> str:
+def workbook_cell_text(value: Any, mark: str) -> str:
     """Text of a cell's value."""
     if value is None:
         return ""
@@ -258,7 +258,7 @@ def with_one_heading(rows: Lines) -> Lines:
         return rows
     (line, above), (_, below), *others = rows
     filled = [cell for cell in below if cell]
-    units = all(map(unit_in, map(without_brackets, filled)))
+    units = all(map(unit_in, map(strip_brackets, filled)))
     numbers = any(has_digit([cell]) and is_quantity(cell) for cell in filled)
     if len(above) < len(filled) == filled_width(below) and not units and not numbers:
         return with_one_heading(rows[1:])  # above all headings stands a remark with a separator in it
@@ -270,7 +270,7 @@ def with_one_heading(rows: Lines) -> Lines:
     headings, last = list[str](), ""
     for text, under in zip_longest(above, below, fillvalue=""):
         last = text or last
-        name, unit = last if under else text, without_brackets(under)
+        name, unit = last if under else text, strip_brackets(under)
         if not (name and unit_in(unit)):
             headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
         else:
@@ -278,12 +278,12 @@ def with_one_heading(rows: Lines) -> Lines:
     return [(line, headings), *others]
 
 
-def without_brackets(cell: str) -> str:
+def strip_brackets(cell: str) -> str:
     """A cell without brackets around the whole of it: `[kg/(m s)]`."""
     return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
 
 
-def with_repeats(rows: Lines) -> Lines:
+def name_blank_repeat_columns(rows: Lines) -> Lines:
     """The rows; right of a measured quantity, blank headings above numbers and its own again are its repeats.
 
     `angle [deg]` and a blank one become `angle 1 [deg]` and `angle 2 [deg]`.
@@ -330,7 +330,7 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
             yield line, tuple(cells[:width])
 
 
-def write_out(cells: Cells) -> Cells:
+def convert_units(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
     columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
     notes = []
@@ -344,7 +344,7 @@ def write_out(cells: Cells) -> Cells:
         if "a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1:
             pairs = zip(matches, content, strict=True)
             plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
-        column[1:] = [in_unit(cell, heading, cells.decimal_comma) for cell in plain]
+        column[1:] = [cell_in_column_unit(cell, heading, cells.decimal_comma) for cell in plain]
         conversions = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()
         notes += [f"column '{heading.text}': {words}" for words in (*marks, *conversions)]
@@ -352,7 +352,7 @@ def write_out(cells: Cells) -> Cells:
     return replace(cells, rows=tuple(rows), notes=tuple(notes))
 
 
-def in_unit(cell: str, heading: Heading, comma: bool) -> str:
+def cell_in_column_unit(cell: str, heading: Heading, comma: bool) -> str:
     """A cell whose number follows a law, or is that of a sieve, as a number in the unit of its column.
 
     What cannot be turned gets the law as its unit, which nobody knows.
@@ -368,7 +368,7 @@ def in_unit(cell: str, heading: Heading, comma: bool) -> str:
     try:
         reading = read_cell(cell, comma)
         step = reading.reach if 0.0 < reading.reach < inf else STEP
-        low, value, high = (by_law(reading.value + x, reading.unit, heading) for x in (-step, 0.0, step))
+        low, value, high = (apply_law(reading.value + x, reading.unit, heading) for x in (-step, 0.0, step))
     except (ValueError, ArithmeticError):
         return f"{cell} {heading.law}"
     if step == reading.reach:
@@ -377,7 +377,7 @@ def in_unit(cell: str, heading: Heading, comma: bool) -> str:
     return f"{'<' * (reading.reach < 0.0)}{'>' * (reading.reach > 0.0)}{value:.9g}{sd}".replace(".", mark)
 
 
-def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
+def find_column_and_siblings(cells: Cells, text: str) -> tuple[list[int], list[int]]:
     """Place of the column that a user calls by its heading or name; places of its numbered siblings."""
     headings = {place: read_heading(each).name for place, each in enumerate(cells.heading) if each}
     plain = plain_words(text)
@@ -393,17 +393,17 @@ def are_kinds(words: Sequence[str], alike: bool) -> bool:
     return "" not in words and kinds > 1 and (2 * kinds <= len(words) or (alike and bare == len(words)))
 
 
-def summing_word(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
+def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row."""
     at, word = [row[k] for k in conditions], next(filter(is_summary, row), "")
     others = (each for _, each in cells.lines if word not in each)
     return word if not all(at) or any([each[k] for k in conditions] == at for each in others) else ""
 
 
-def source_digest(table: Path) -> str:
+def laboratory_table_digest(table: Path) -> str:
     """Digest of the cells by which a laboratory's table is known again; empty where it is unreadable."""
     try:
-        rows = read_cells(table, table.name, []).rows
+        rows = read_table_cells(table, table.name, []).rows
     except BadInput:
         return ""
     return digest_of(repr([cells for _, cells in rows]).encode())

@@ -21,7 +21,7 @@ from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, lo
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.simulation import advance, assemble, failure, snapshot
 from taichi_erosion.verification.claims import PRECISIONS, Ladder, Outcome, Precision, below, holds, relative
@@ -50,7 +50,7 @@ def equal_grains(
         "fill": {"law": "positions", "grains": starts},
         "stages": [{"name": "all", "duration_max": 1.0}],
     }
-    return build_setup(parse_scene(table | sections), 1)
+    return replica_setup(parse_scene(table | sections), 1)
 
 
 def sample_states(
@@ -154,7 +154,7 @@ def tumbling(seed: int, count: int = 40) -> Setup:
         laws={"normal": "jkr", "rolling": "elastic_plastic"},
         contact=dict.fromkeys(("sand-sand", "sand-steel"), contact | {"surface_energy": 0.01}),
     )
-    return build_setup(scene, seed)
+    return replica_setup(scene, seed)
 
 
 TUMBLING = Laws(normal="jkr", rolling="elastic_plastic")

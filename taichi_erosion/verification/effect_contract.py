@@ -33,7 +33,7 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
-from taichi_erosion.scene.schema.fields import numbers_in
+from taichi_erosion.scene.schema.fields import all_numbers_in
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit
 
 LEAST_CHECKS = 3
@@ -269,12 +269,12 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
     """All numbers of a changed scene; none where the effect refuses the scene with a clear line."""
     try:
         before = sample_scene(**sections)
-        scene: Scene = probe(params, before.conditions.stated_values(), scene=before, strength=strength)
+        scene: Scene = probe(params, before.conditions.values_in_si(), scene=before, strength=strength)
     except BadInput:
         return []
     if not isinstance(scene, Scene):
         raise TypeError(f"act gives {scene!r}, not the scene")
-    return list(numbers_in(resolve(scene)))
+    return list(all_numbers_in(resolve(scene)))
 
 
 Clause = Callable[[Effect, Probe], Iterator[str]]

@@ -16,7 +16,7 @@ import tomlkit
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import make_parent, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.scene_templates import set_entry
-from taichi_erosion.evidence.data.measured import read_table, unit_factor
+from taichi_erosion.evidence.data.measured import read_measured, value_unit_factor
 from taichi_erosion.execution import Report, RunOptions, run_scene
 from taichi_erosion.measures.result import Measurement, as_record
 from taichi_erosion.measures.shortfalls import LEAST_BEDS
@@ -82,7 +82,7 @@ def asked_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float, 
 
 def measured_fluxes(path: Path) -> Fluxes:
     """Fluxes of a table by friction velocity. Raises BadInput where there are none."""
-    table = read_table(path)
+    table = read_measured(path)
     places = [k for k, name in enumerate(table.conditions) if name in ("friction_velocity", "u_star")]
     rows = [row for row in table.rows if row.observable == "flux" and not row.censored]
     if not places or not rows:
@@ -90,7 +90,7 @@ def measured_fluxes(path: Path) -> Fluxes:
             f"{path}: holds no flux by friction velocity, such as columns 'u* [m/s]', 'flux [g/(m s)]'"
         )
     speed = parse_unit(table.units[places[0]] or "m/s").factor
-    scaled = ((unit_factor(row, "kg/(m s)", str(path)), row) for row in rows)
+    scaled = ((value_unit_factor(row, "kg/(m s)", str(path)), row) for row in rows)
     return tuple(
         (speed * row.conditions[places[0]], k * row.value, k * row.sd, row.source) for k, row in scaled
     )

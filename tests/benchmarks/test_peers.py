@@ -19,7 +19,7 @@ from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_nu
 from benchmarks.peers.physics_pair import pair_numbers
 from benchmarks.peers.publish import joined
 from taichi_erosion.grains.materials import damping_ratio
-from taichi_erosion.scene import build_setup
+from taichi_erosion.scene import replica_setup
 from tests.verification.contact import adhesion
 from tests.verification.reference import contact as jkr
 
@@ -152,7 +152,7 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
 def test_the_decks_are_told_the_grains_of_our_scene():
     law = physics_column.ONE_LAW
     soil, scene = physics_column.column_soil(law), physics_column.column_scene(law)
-    contacts = build_setup(scene, 1).contacts
+    contacts = replica_setup(scene, 1).contacts
     # plate, tube and rim are as stiff and as bouncy as the grains, the decks know one modulus
     assert contacts.young_effective == pytest.approx(young_effective(soil))
     assert contacts.shear_effective == pytest.approx(shear_effective(soil))

@@ -19,7 +19,7 @@ ABOUT = {
     "results": "my lab/a-results",
     "effect_files": [],
     "units": {"repose_angle": "deg", "radius_90": "m", "threshold_u_star": "m/s"},
-    KEY: UNITS.record(),
+    KEY: UNITS.units_as_tables(),
     "set_up": [],
     "notes": ["7 rows are held out."],
     "warnings": ["the scatter is unknown"],

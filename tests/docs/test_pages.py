@@ -21,7 +21,7 @@ from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
 from taichi_erosion.cli.main import app
 from taichi_erosion.execution.observables import OBSERVABLES
-from taichi_erosion.scene.load import parse_scene, toml_table
+from taichi_erosion.scene.load import parse_scene, read_toml
 
 ROOT = Path(__file__).resolve().parents[2]
 DOE, DOCS = ROOT / "doe", ROOT / "docs"
@@ -139,7 +139,7 @@ RAMP = f"solid ramp\n{FACET}endloop\nendfacet\nendsolid ramp\n"  # in millimetre
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: part.splitlines()[0])
 def test_a_part_of_a_scene_is_valid_in_the_scene_of_the_page(tmp_path, part):
     (tmp_path / "ramp.stl").write_text(RAMP, encoding="utf-8")
-    table = toml_table(ROOT / "scenes" / "column_collapse.toml")
+    table = read_toml(ROOT / "scenes" / "column_collapse.toml")
     for section, entries in tomllib.loads(part).items():
         table[section] = table.get(section, {}) | entries
     assert parse_scene(table, folder=tmp_path, observables=tuple(OBSERVABLES)).grains.count > 0

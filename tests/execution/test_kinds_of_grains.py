@@ -14,9 +14,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.recording.pictures import KIND_COLOURS, resting_colours
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.scene import build_setup, load_scene, parse_scene, scene_hash
+from taichi_erosion.scene import load_scene, parse_scene, replica_setup, scene_hash
 from taichi_erosion.scene.load import SCENES
-from taichi_erosion.scene.schema.grains import mixed_contact
+from taichi_erosion.scene.schema.grains import contact_of_two_kinds
 
 TWO = SCENES / "two_soils.toml"
 SPEED = 0.3  # m s-1
@@ -47,7 +47,7 @@ def masses(setup: Any) -> dict[str, float]:
 
 
 def test_shares_of_the_mass_become_numbers_of_grains_and_no_kind_lies_apart():
-    setup = build_setup(load_scene(TWO, ["grains.count=6000", "domain.period=[0.03, 0.03]"]), 1)
+    setup = replica_setup(load_scene(TWO, ["grains.count=6000", "domain.period=[0.03, 0.03]"]), 1)
     of = masses(setup)
     assert of["aggregate"] / (of["sand"] + of["aggregate"]) == pytest.approx(0.3, rel=0.02)
     coarse = setup.grains.material == setup.materials.index("aggregate")
@@ -60,9 +60,9 @@ def test_one_kind_among_kinds_is_the_bed_of_one_material():
     bed = "grains.size={law='monodisperse', diameter=1e-3}", "grains.material=sand", "measure={}"
     table = tomllib.loads(TWO.read_text(encoding="utf-8"))
     del table["grains"]["kinds"]
-    plain = build_setup(parse_scene(deepcopy(table), overrides=bed), 1).grains
+    plain = replica_setup(parse_scene(deepcopy(table), overrides=bed), 1).grains
     share = "grains.kinds.sand={share=1.0, size={law='monodisperse', diameter=1e-3}}"
-    alone = build_setup(parse_scene(table, overrides=[share, "measure={}"]), 1).grains
+    alone = replica_setup(parse_scene(table, overrides=[share, "measure={}"]), 1).grains
     assert plain.position.tobytes() == alone.position.tobytes()
     assert plain.mass.tobytes() == alone.mass.tobytes()
 
@@ -70,13 +70,13 @@ def test_one_kind_among_kinds_is_the_bed_of_one_material():
 def test_a_pair_that_is_not_stated_has_geometric_means_and_a_stated_one_its_own():
     scene = load_scene(TWO)
     sand, loam = scene.contact["sand-sand"], scene.contact["aggregate-aggregate"]
-    mixed = scene.contact_of("sand", "aggregate")
+    mixed = scene.contact_of_materials("sand", "aggregate")
     assert mixed.friction_sliding == pytest.approx(sqrt(sand.friction_sliding * loam.friction_sliding))
     assert mixed.friction_rolling == pytest.approx(sqrt(sand.friction_rolling * loam.friction_rolling))
     grain = loam.model_copy(update={"rolling_radius": "grain"})
-    assert mixed_contact(grain, grain).friction_rolling == pytest.approx(2.0 * loam.friction_rolling)
+    assert contact_of_two_kinds(grain, grain).friction_rolling == pytest.approx(2.0 * loam.friction_rolling)
     stated = load_scene(TWO, ["contact.aggregate-sand={restitution=0.2, friction_sliding=0.1}"])
-    assert stated.contact_of("sand", "aggregate").friction_sliding == 0.1
+    assert stated.contact_of_materials("sand", "aggregate").friction_sliding == 0.1
     assert scene_hash(stated) != scene_hash(scene)
 
 

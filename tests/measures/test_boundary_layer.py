@@ -11,10 +11,10 @@ Z = np.linspace(5e-4, 0.5, 1000)
 
 def test_a_seventh_power_layer_has_an_eighth_and_seven_seventysecondths():
     layer = boundary_layer.Profile(Z, 6.0 * np.minimum(Z / 0.1, 1.0) ** (1.0 / 7.0), 0.2, 1.5e-5)
-    assert boundary_layer.thickness(layer) == pytest.approx(0.1 * 0.99**7, rel=0.01)
+    assert boundary_layer.boundary_layer_thickness(layer) == pytest.approx(0.1 * 0.99**7, rel=0.01)
     # the steep first layers are joined by straight lines: 1 %
-    assert boundary_layer.displacement(layer) == pytest.approx(0.1 / 8.0, rel=0.02)
-    assert boundary_layer.momentum(layer) == pytest.approx(0.1 * 7.0 / 72.0, rel=0.02)
+    assert boundary_layer.displacement_thickness(layer) == pytest.approx(0.1 / 8.0, rel=0.02)
+    assert boundary_layer.momentum_thickness(layer) == pytest.approx(0.1 * 7.0 / 72.0, rel=0.02)
 
 
 def test_a_log_layer_gives_its_friction_velocity_and_roughness():
@@ -31,7 +31,7 @@ def test_a_profile_between_cells_is_interpolated_along_the_wind():
     faces, nothing, eddies = np.append(0.0, z + 0.05), np.zeros((2, 1, 3)), np.zeros((2, 1, 4))
     fields = (velocity, nothing, eddies, np.array([[0.2], [0.1]]))
     state = AirSnapshot(0.0, np.array([1.0, 2.0]), np.zeros(1), z, faces, *fields, 1.2, 1e-5)
-    middle = boundary_layer.profile_at(state, 1.5)
+    middle = boundary_layer.wind_profile_at(state, 1.5)
     assert middle.speed == pytest.approx([0.75, 1.5, 2.25])
     assert middle.friction_velocity == pytest.approx(0.15)
-    assert boundary_layer.profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])
+    assert boundary_layer.wind_profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])

@@ -7,7 +7,7 @@ from math import cos, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from taichi_erosion.measures.drum_and_incline import dynamic_angle, sliding_angle
+from taichi_erosion.measures.drum_and_incline import angle_at_which_grains_slide, dynamic_angle
 from tests.measures.heaps import DIAMETER, packing, snapshot_of
 
 DRUM = 16.0 * DIAMETER
@@ -62,7 +62,7 @@ def sliding_series(displacements):
 
 def test_the_sliding_angle_is_interpolated_between_frames():
     tilts = np.radians([10.0, 11.0, 12.0, 13.0])
-    measured = sliding_angle(sliding_series([0.0, 0.0, 0.2, 1.4]), tilts)
+    measured = angle_at_which_grains_slide(sliding_series([0.0, 0.0, 0.2, 1.4]), tilts)
     # half a diameter is reached a quarter of the way from 0.2 to 1.4
     assert measured.value == pytest.approx(12.25)
     assert measured.sd == pytest.approx(1.0 / sqrt(12.0))
@@ -72,5 +72,5 @@ def test_the_sliding_angle_is_interpolated_between_frames():
 def test_grains_that_enter_or_leave_do_not_count_as_moved():
     first, last = sliding_series([0.0, 0.1])
     fewer = replace(last, **{name: getattr(last, name)[2:] for name in ("position", "radius", "ident")})
-    measured = sliding_angle([first, fewer], [0.0, 0.5], share=0.1 - 1e-6)
+    measured = angle_at_which_grains_slide([first, fewer], [0.0, 0.5], share=0.1 - 1e-6)
     assert measured.details["displacements"][1] == pytest.approx(0.1)

@@ -9,7 +9,7 @@ from taichi_erosion.measures import heap
 from taichi_erosion.measures.heap import cone_angle, repose_angle
 from tests.measures.heaps import DIAMETER, cone, packing, skirt, snapshot_of
 
-MEASURES = [heap.pile_height, heap.centroid_height, heap.column_height, heap.radius_90]
+MEASURES = [heap.pile_height, heap.centroid_height, heap.settled_column_height, heap.radius_90]
 MEASURES += [heap.runout_radius, heap.angle_of_repose_outline]
 
 
@@ -28,7 +28,7 @@ def stack(*heights):
     [
         (heap.pile_height(stack(1, 9, 2, 3, 8, 4, 1)), (9 + 8 + 4 + 3 + 2 + 2.5) / 5),  # mean top of five
         (heap.centroid_height(stack(1, 2, 6), base_height=DIAMETER), 2.0),  # mean centre above the base
-        (heap.column_height(stack(*range(1, 60))), (59 + 58 + 1) / 2),  # of int(0.05 * 59) = 2 grains
+        (heap.settled_column_height(stack(*range(1, 60))), (59 + 58 + 1) / 2),  # of int(0.05 * 59) = 2 grains
     ],
     ids=lambda part: getattr(part, "name", ""),
 )
@@ -89,7 +89,7 @@ def test_the_outline_angle_follows_the_prose_of_the_laboratory(seed):
 
 def test_the_grain_diameter_halves_the_volume_not_the_number():
     sizes = np.array([1.0] * 100 + [10.0])  # 100 against 1000 parts of volume
-    assert heap.grain_diameter(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
+    assert heap.median_diameter_by_volume(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
 
 
 @pytest.mark.parametrize("measure", MEASURES)

@@ -7,7 +7,7 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.measures.profile import heaps_of_table, measure_profile
+from taichi_erosion.measures.profile import angle_height_and_radius, measure_heap_table
 from taichi_erosion.tables.headings import meaning_of
 
 TOP, BASE = 30.0, 50.0  # mm
@@ -23,7 +23,7 @@ def cone(place: np.ndarray, axis: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize(("start", "end", "axis"), [(0.0, 60.0, 0.0), (-60.0, 60.0, 0.0), (0.0, 140.0, 63.5)])
 def test_a_cone_has_its_angle_height_and_radius_along_a_radius_and_a_line(start, end, axis):
     place = np.arange(start, end + 0.1, 0.5)
-    angle, top, radius = measure_profile(place, cone(place, axis))
+    angle, top, radius = angle_height_and_radius(place, cone(place, axis))
     assert angle == pytest.approx(ANGLE, abs=0.05)
     assert top == pytest.approx(TOP, abs=0.2)
     assert radius == pytest.approx(SHARE * BASE, rel=0.01)
@@ -32,7 +32,7 @@ def test_a_cone_has_its_angle_height_and_radius_along_a_radius_and_a_line(start,
 def test_a_layer_of_fallen_grains_is_no_flank():
     place = np.arange(0.0, 100.0, 0.5)
     height = np.maximum(cone(place), np.where(place < 90.0, 6.0, 0.0))  # 0.2 of the height
-    angles = [measure_profile(place, height, grain)[0] for grain in (0.0, 6.0)]
+    angles = [angle_height_and_radius(place, height, grain)[0] for grain in (0.0, 6.0)]
     assert angles[1] == pytest.approx(ANGLE, abs=0.1)
     assert angles[0] < 0.8 * ANGLE, "else this tests nothing"
 
@@ -40,10 +40,10 @@ def test_a_layer_of_fallen_grains_is_no_flank():
 def test_a_crater_is_no_flank_and_a_heap_whose_foot_is_not_seen_is_refused():
     place = np.arange(-60.0, 60.1, 0.5)
     crater = np.minimum(cone(place), 8.0 + np.abs(place))
-    assert measure_profile(place, crater)[0] == pytest.approx(ANGLE, abs=0.1)
+    assert angle_height_and_radius(place, crater)[0] == pytest.approx(ANGLE, abs=0.1)
     for seen in (cone(place) + 6.0, cone(place)[:140]):
         with pytest.raises(BadInput, match="down to the foot"):
-            measure_profile(place[: seen.size], seen)
+            angle_height_and_radius(place[: seen.size], seen)
 
 
 def test_a_table_of_profiles_becomes_one_with_a_row_a_heap_that_a_study_reads(tmp_path: Path, capsys):
@@ -73,4 +73,4 @@ def test_a_column_that_is_not_known_is_asked_for(tmp_path: Path, heading: str, w
     table = tmp_path / "scans.csv"
     table.write_text("\n".join([heading, *(f"{x};{10 - x}" for x in range(10))]))
     with pytest.raises(BadInput, match=words):
-        heaps_of_table(table)
+        measure_heap_table(table)

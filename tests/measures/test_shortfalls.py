@@ -22,7 +22,7 @@ def heaps(table: str, grain: float) -> pd.DataFrame:
     rows = rows[~rows["soil"].str.contains("adhesion|energy|grain size")]
     cases = rows.pivot_table("value", ["soil", "label", "grains"], "observable", sort=False).reset_index()
     height = cases["pile_height"] / grain
-    on_flank = [shortfalls.flank_rows(each, 1.0) for each in height]
+    on_flank = [shortfalls.grain_rows_on_flank(each, 1.0) for each in height]
     return cases.rename(columns={"repose_angle": "angle"}).assign(rows=on_flank, height=height)
 
 

@@ -47,13 +47,13 @@ def frames(grains: list[list[tuple[float, float, float]]]) -> list[Snapshot]:
 def test_landings_of_known_hops_are_rebounds_or_catches_with_the_speeds_of_the_throws():
     twice = [throws(0.2 + 0.0371 * k, list(HOPS)) for k in range(12)]
     once = [throws(0.5 + 0.0123 * k, [(0.5, 0.6)]) for k in range(3)]
-    landed = splash.splash(frames([*twice, *once, []]), PATCH, GRAVITY)
+    landed = splash.count_splash_events(frames([*twice, *once, []]), PATCH, GRAVITY)
     # each of 12 grains lands twice and bounces once, each of 3 lands once; all 15 were thrown out of the bed
     assert len(landed.impacts) == 27
     assert splash.rebound_share(landed).value == pytest.approx(12 / 27)
     assert splash.ejecta_share(landed).value == pytest.approx(15 / 27)
     (up, ahead), (up_after, ahead_after) = HOPS
-    speed = splash.rebound_speed(landed)
+    speed = splash.rebound_speed_ratio(landed)
     # without drag a throw is exact, whatever the moment of the frame
     assert speed.value == pytest.approx(hypot(up_after, ahead_after) / hypot(up, ahead), rel=1e-9)
     assert speed.details["impact_speed"] == pytest.approx(hypot(up, ahead), rel=1e-9)
@@ -63,19 +63,19 @@ def test_landings_of_known_hops_are_rebounds_or_catches_with_the_speeds_of_the_t
 def test_what_the_ends_of_the_series_cut_off_is_not_counted():
     late = throws(LENGTH - 0.05, [(0.4, 1.0)])  # lands after the last frame
     early = throws(-0.01, [(0.4, 1.0)])  # left before the first one
-    landed = splash.splash(frames([late, early]), PATCH, GRAVITY)
+    landed = splash.count_splash_events(frames([late, early]), PATCH, GRAVITY)
     assert (len(landed.impacts), landed.ejected) == (1, 1)
 
 
 def test_slow_landings_do_not_rule_the_speed_of_rebounds():
     before = np.array([[1.0, -0.2]] * 20 + [[0.05, -0.01]] * 20)
     after = np.array([[0.5, 0.2]] * 20 + [[0.5, 0.2]] * 20)  # ten times as fast as the slow ones came
-    speed = splash.rebound_speed(splash.Splash(before, after, 0))
+    speed = splash.rebound_speed_ratio(splash.Splash(before, after, 0))
     assert speed.value == pytest.approx(hypot(0.5, 0.2) / hypot(1.0, 0.2))
     assert speed.sd == pytest.approx(0.0, abs=1e-12)
-    assert splash.rebound_speed(splash.Splash(before[20:], after[20:], 0)).n == 0
+    assert splash.rebound_speed_ratio(splash.Splash(before[20:], after[20:], 0)).n == 0
 
 
 def test_a_grain_that_nothing_weighs_flies_on():
-    landed = splash.splash(frames([throws(0.1, [(0.4, 1.0)])]), PATCH, 0.0)
+    landed = splash.count_splash_events(frames([throws(0.1, [(0.4, 1.0)])]), PATCH, 0.0)
     assert (len(landed.impacts), landed.ejected) == (0, 0)

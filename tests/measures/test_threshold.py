@@ -14,13 +14,13 @@ from taichi_erosion.measures.threshold import (
     PLATE,
     Bracket,
     Tunnel,
-    bracket_threshold,
-    flux_intercept,
-    line_threshold,
+    free_stream,
+    friction_velocity_at_zero_flux,
     pool_beds,
     ratio,
+    threshold_from_bracket,
+    threshold_from_line,
     tunnel_speed,
-    wind_speed,
 )
 from taichi_erosion.scene.schema.wind import Threshold
 
@@ -29,7 +29,7 @@ def beds(thresholds: np.ndarray, width: float, seed: int = 0):
     """Brackets of a relative width around thresholds, each where chance puts it."""
     below = np.random.default_rng(seed).random(len(thresholds))
     ends = zip(thresholds * np.exp(-width * below), thresholds * np.exp(width * (1.0 - below)), strict=True)
-    return [bracket_threshold("fluid_threshold", Bracket(low, high)) for low, high in ends]
+    return [threshold_from_bracket("fluid_threshold", Bracket(low, high)) for low, high in ends]
 
 
 def test_the_interval_of_many_series_of_five_beds_holds_the_truth_as_often_as_it_says():
@@ -55,7 +55,7 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
 
 
 def test_lines_and_fluxes_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
-    lines = [line_threshold(Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
+    lines = [threshold_from_line(Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
     assert lines[0].sd == pytest.approx(0.02)
     pooled = pool_beds(lines)
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
@@ -74,7 +74,7 @@ def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_er
     inside = 0
     for _ in range(200):
         blown = 0.2 * (winds**2 - 0.2**2) * (1.0 + random.normal(0.0, 0.03, 6))
-        found = flux_intercept(list(zip(winds, blown, strict=True)))
+        found = friction_velocity_at_zero_flux(list(zip(winds, blown, strict=True)))
         inside += found.low < 0.2 < found.high
     # one standard error on four degrees of freedom holds 63 % of 200 with a standard deviation of 3.4 %
     assert 0.52 < inside / 200 < 0.74
@@ -82,16 +82,16 @@ def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_er
 
 def test_what_has_no_value_has_none():
     brackets = {"fluid": Bracket(0.24, 0.26), "impact": Bracket(0.19, 0.21), "none": None}
-    fluid, impact, none = (bracket_threshold(name, bracket) for name, bracket in brackets.items())
-    line = ratio("threshold_ratio_linear", line_threshold(brackets["impact"]), fluid)
+    fluid, impact, none = (threshold_from_bracket(name, bracket) for name, bracket in brackets.items())
+    line = ratio("threshold_ratio_linear", threshold_from_line(brackets["impact"]), fluid)
     assert ratio("threshold_ratio", impact, fluid).value == pytest.approx(0.8, rel=0.01)
     assert (line.value, line.sd) == pytest.approx((0.8, 0.8 * hypot(0.05, 0.0231)), rel=0.01)
     assert ratio("threshold_ratio", none, fluid).n == 0
-    assert line_threshold(None).n == 0
+    assert threshold_from_line(None).n == 0
     # a line needs four winds that blow, and a threshold
     tail = [(0.5, 1.0), (0.4, 0.6), (0.3, 0.3), (0.25, 0.01), (0.2, 0.001)]
     for winds in (tail, [(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)], []):
-        assert flux_intercept(winds) is None
+        assert friction_velocity_at_zero_flux(winds) is None
 
 
 def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_its_edge():
@@ -100,14 +100,14 @@ def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_i
     for (speed, millimetres), known in friction.items():
         # friction velocities of the table are rounded to a millimetre per second
         tunnel = Tunnel(7.0, 1e-3 * millimetres, 1.5e-5)
-        assert wind_speed(known, tunnel, PLATE) == pytest.approx(speed, rel=0.01)
+        assert free_stream(known, tunnel, PLATE) == pytest.approx(speed, rel=0.01)
 
 
 def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
     with (Path(__file__).parents[2] / "doe" / "tunnel_map" / "map.csv").open() as file:
         rows = list(csv.DictReader(file))
     for row in rows:  # made with the roughness of 0.25 mm, rounded to micrometres, and six digits
-        found = wind_speed(float(row["friction_velocity"]), Tunnel(float(row["place"]), 0.25e-3, 1.5e-5))
+        found = free_stream(float(row["friction_velocity"]), Tunnel(float(row["place"]), 0.25e-3, 1.5e-5))
         assert found == pytest.approx(float(row["speed"]), rel=1e-3)
 
 
@@ -115,10 +115,10 @@ def test_beds_share_the_uncertainty_of_the_map():
     tunnel = Tunnel(6.0, 0.25e-3, 1.5e-5)
     brackets = Bracket(0.275, 0.285), Bracket(0.315, 0.325)
     pooled = pool_beds([tunnel_speed("threshold_wind_speed", each, tunnel) for each in brackets])
-    assert pooled.value == pytest.approx(wind_speed(0.299, tunnel), rel=0.01)
+    assert pooled.value == pytest.approx(free_stream(0.299, tunnel), rel=0.01)
     # 5.6 % of u*, and a little more of the speed, which grows faster than u*
     assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065
-    assert pooled.details["flat_plate"] == pytest.approx(wind_speed(0.299, tunnel, PLATE), rel=0.01)
+    assert pooled.details["flat_plate"] == pytest.approx(free_stream(0.299, tunnel, PLATE), rel=0.01)
 
 
 def test_a_tunnel_of_ones_own_needs_no_map():

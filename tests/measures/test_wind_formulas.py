@@ -31,7 +31,7 @@ def test_the_coefficient_of_iversen_and_white_reaches_those_of_its_three_ranges(
         found = wind_formulas.iversen_white(sand)
         cohesive = sqrt(1.0 + 6e-7 / (density * 9.81 * diameter**2.5))
         reynolds = found * diameter / sand.viscosity
-        share = found / (cohesive * sqrt(sand.ratio * 9.81 * diameter))
+        share = found / (cohesive * sqrt(sand.density_ratio * 9.81 * diameter))
         middle = 0.129 / sqrt(1.928 * reynolds**0.092 - 1.0)
         wanted = middle if reynolds < 10.0 else 0.12 * (1.0 - 0.0858 * exp(-0.0617 * (reynolds - 10.0)))
         assert share == pytest.approx(wanted, rel=1e-6)
@@ -81,12 +81,12 @@ def test_fluid_thresholds_are_those_of_other_codes():
 
 def test_spheres_settle_with_their_drag_equal_to_their_weight():
     """Stokes' speed where they are fine, and C_D = 24 (1 + 0.15 Re^0.687) / Re beyond."""
-    assert wind_formulas.settling_speed(Sand(0.01 * MM)) == pytest.approx(
+    assert wind_formulas.settling_speed_of_sphere(Sand(0.01 * MM)) == pytest.approx(
         2650 / 1.225 * 9.81e-10 / 18 / 1.46e-5, rel=0.01
     )
     for diameter in (0.1 * MM, 0.5 * MM, 2.0 * MM):
         sand = Sand(diameter)
-        speed = wind_formulas.settling_speed(sand)
+        speed = wind_formulas.settling_speed_of_sphere(sand)
         reynolds = speed * diameter / sand.viscosity
         drag = 24.0 / reynolds * (1.0 + 0.15 * reynolds**0.687) * 0.75 * speed**2 / diameter
-        assert drag == pytest.approx((sand.ratio - 1.0) * 9.81, rel=1e-6)
+        assert drag == pytest.approx((sand.density_ratio - 1.0) * 9.81, rel=1e-6)

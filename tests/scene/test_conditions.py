@@ -15,17 +15,17 @@ def scene_with(extra, overrides=(), **stated):
 
 
 def test_effects_read_declared_conditions_in_si_units():
-    found = scene_with(EXTRA).conditions.stated_values()
+    found = scene_with(EXTRA).conditions.values_in_si()
     assert found == pytest.approx({"moisture": 0.01, "root_density": 4.0, "room": 293.15})
 
 
 def test_a_value_may_be_set_beside_the_declaration_and_on_the_command_line():
     declared = {"root_density": {"unit": "g/cm3"}}
-    assert "root_density" not in scene_with(declared).conditions.stated_values()
-    values = scene_with(declared, root_density=0.5).conditions.stated_values()
+    assert "root_density" not in scene_with(declared).conditions.values_in_si()
+    values = scene_with(declared, root_density=0.5).conditions.values_in_si()
     assert values["root_density"] == pytest.approx(500.0)
     set_later = scene_with(declared, ["conditions.root_density=0.25"])
-    assert set_later.conditions.stated_values()["root_density"] == pytest.approx(250.0)
+    assert set_later.conditions.values_in_si()["root_density"] == pytest.approx(250.0)
     assert scene_with(declared, ["conditions.extra.root_density.value=0.25"]) == set_later
 
 

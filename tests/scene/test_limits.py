@@ -10,8 +10,8 @@ from pydantic import BaseModel
 from scene_tables import good_table
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene import explain, parse_scene, resolve
-from taichi_erosion.scene.preparation.setup import build_setup
+from taichi_erosion.scene import parse_scene, resolve, step_report
+from taichi_erosion.scene.preparation.setup import replica_setup
 
 SLOW = ("grains.count",)  # five million grains
 FILLS: dict[str, dict[str, Any]] = {
@@ -76,7 +76,7 @@ def test_a_number_at_the_end_of_its_range_is_refused_in_a_sentence_or_can_be_set
     for path, bound, is_vector in found:
         try:
             changed = parse_scene(at_limit(table, path, bound, is_vector))
-            setup, told = build_setup(changed, 1), explain(changed)
+            setup, told = replica_setup(changed, 1), step_report(changed)
         except BadInput:
             continue
         built += 1

@@ -11,7 +11,7 @@ from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table,
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolve, scene_hash
+from taichi_erosion.scene import load_scene, parse_scene, replica_setup, resolve, scene_hash
 from taichi_erosion.scene.load import load_air_scene
 
 FUNNEL = SCENES / "funnel_repose.toml"
@@ -33,7 +33,7 @@ def test_the_order_of_sections_and_comments_leave_the_hash_and_every_bit(tmp_pat
     straight, turned = load_scene(FUNNEL), load_scene(path)
     assert list(turned.geometry) == list(reversed(straight.geometry))
     assert scene_hash(turned) == scene_hash(straight)
-    first, other = build_setup(straight, 1), build_setup(turned, 1)
+    first, other = replica_setup(straight, 1), replica_setup(turned, 1)
     assert first.materials == other.materials
     assert first.surfaces == other.surfaces
     assert np.array_equal(first.primitives.shape, other.primitives.shape)
@@ -82,7 +82,7 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
         wall = {"shape": "mesh", "material": "steel", "file": "wall.stl", "scale": 0.1}
         scene = parse_scene(changed("geometry.plate", wall), "scene.toml", tmp_path)
         names.append(scene_hash(scene))
-        shape = build_setup(scene, 1).primitives.shape
+        shape = replica_setup(scene, 1).primitives.shape
         assert shape[-1, :9] == pytest.approx([0.0, 0.0, 0.0, 0.1 * x, 0.0, 0.0, 0.0, 0.1, 0.0])
     assert names[0] != names[1]
 

@@ -8,7 +8,7 @@ from scene_tables import SCENES, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene, resolve
-from taichi_erosion.scene.paths import meaning_of, schema_text, unit_of_path
+from taichi_erosion.scene.paths import describe_entry_at_path, schema_text, unit_at_path
 from taichi_erosion.scene.schema.scene import Stage
 
 BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.count.a.b=3|grains.count=1 2"
@@ -42,7 +42,7 @@ def test_an_order_that_cannot_be_followed_is_told(order: str):
 
 
 def test_a_stage_has_its_name_as_a_place():
-    assert unit_of_path("stages.shear.move.lid.force") == unit_of_path("stages.3.move.lid.force") == "N"
+    assert unit_at_path("stages.shear.move.lid.force") == unit_at_path("stages.3.move.lid.force") == "N"
     with pytest.raises(BadInput, match="did you mean lift"):
         parse_scene(good_table(), overrides=["stages.lft.duration_max=1.0"])
 
@@ -65,7 +65,7 @@ def test_the_schema_beside_the_scenes_is_fresh_and_every_number_of_it_has_a_unit
 
 
 def test_the_entries_of_a_list_of_sections_are_told_with_their_meanings():
-    first, *lines = meaning_of("stages").splitlines()
+    first, *lines = describe_entry_at_path("stages").splitlines()
     assert first == f"stages: {(Stage.__doc__ or '').strip()}"
     told = dict(line.strip().split(": ", 1) for line in lines[1:])
     assert list(told) == list(Stage.model_fields)

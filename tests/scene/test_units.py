@@ -45,7 +45,7 @@ def test_what_is_no_unit_or_could_mean_two_is_refused_with_what_may_have_been_me
 def test_units_that_need_no_dictionary_are_those_of_the_dictionary(monkeypatch):
     known = dict(units.USUAL)
     monkeypatch.setattr("taichi_erosion.scene.schema.units.USUAL", {"1": known["1"]})
-    assert {name: units.dictionary_entry.__wrapped__(name) for name in known} == known
+    assert {name: units.unit_from_registry.__wrapped__(name) for name in known} == known
 
 
 @given(st.text(alphabet="mkgsPaN%/() -^*·0123456789°µ⁻¹", max_size=20))
@@ -64,4 +64,4 @@ def test_any_text_is_a_unit_or_refused(text):
 def test_a_temperature_is_counted_from_the_zero_of_its_scale(text, number, kelvin):
     scale = units.scale_between(text, units.parse_unit("K"))
     assert scale.to_use(number) == pytest.approx(kelvin, rel=1e-12)
-    assert scale.to_table(kelvin) == pytest.approx(number, abs=1e-10)
+    assert scale.to_unit_of_table(kelvin) == pytest.approx(number, abs=1e-10)

@@ -11,7 +11,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Laws, Motion, Numerics, PrimitiveKind, Servo, Setup
-from taichi_erosion.measures.wall_loads import wall_loads
+from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
 from tests.verification.small_scenes import joined, primitive_table
 
 LAWS = Laws(rolling="elastic_plastic")
@@ -44,7 +44,7 @@ def mean_loads(sim: simulation.Simulation, until: float) -> Floats:
     loads = []
     for time in np.linspace(HALF, until, 21)[1:]:
         ends(sim, float(time))
-        loads.append(wall_loads(simulation.contact_network(sim, 0)))
+        loads.append(forces_and_torques_on_walls(simulation.contact_network(sim, 0)))
     return np.mean(loads, axis=0)
 
 
@@ -76,9 +76,9 @@ def test_a_servo_turns_a_wall_against_the_friction_of_grains_with_its_torque():
     ends(sim, HALF)
     torque = 0.5 * FORCE * RADIUS
     simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(True, torque, (0.0, 0.0, 1.0), 5.0)))
-    before = wall_loads(simulation.contact_network(sim, 0))[2, 5]
+    before = forces_and_torques_on_walls(simulation.contact_network(sim, 0))[2, 5]
     ends(sim, WHOLE)
-    after = wall_loads(simulation.contact_network(sim, 0))[2, 5]
+    after = forces_and_torques_on_walls(simulation.contact_network(sim, 0))[2, 5]
     assert simulation.wall_poses(sim, 0)["wall 2"].rotation[1, 0] != 0.0
     assert abs(after + torque) < 0.5 * abs(before + torque)  # grains that roll under it let it settle slowly
 

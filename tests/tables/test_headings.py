@@ -3,12 +3,12 @@
 import pytest
 
 from taichi_erosion.tables.headings import (
-    lone_angle,
     meaning_of,
+    meaning_of_only_angle,
     meaning_of_symbol,
-    near_meaning,
     qualifiers,
     read_heading,
+    suggest_meaning,
 )
 from taichi_erosion.tables.number_columns import own_name
 
@@ -79,12 +79,12 @@ def test_a_word_that_makes_another_quantity_is_seen(text):
 @pytest.mark.parametrize("text", headings(UNKNOWN))
 def test_a_quantity_of_another_thing_is_not_read_and_not_mistaken(text):
     name = read_heading(text).name
-    assert (meaning_of(name)[0], near_meaning(name)) == ("unknown", "")
+    assert (meaning_of(name)[0], suggest_meaning(name)) == ("unknown", "")
 
 
 def test_a_letter_with_a_unit_of_another_quantity_has_no_meaning_of_its_own():
     assert {meaning_of_symbol(read_heading(text))[0] for text in (f"{RHO} (g/cm3)", "d (g)")} == {"unknown"}
-    assert near_meaning(RHO) == "materials.soil.density"
+    assert suggest_meaning(RHO) == "materials.soil.density"
 
 
 def test_a_column_has_a_name_that_its_owner_knows_again():
@@ -137,7 +137,7 @@ def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
     ],
 )
 def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, meant):
-    assert lone_angle(read_heading(text)) == meant
+    assert meaning_of_only_angle(read_heading(text)) == meant
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution.checks import check_scene
 from taichi_erosion.measures.result import as_record
-from taichi_erosion.measures.threshold import Bracket, bracket_threshold, pool_beds
+from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
 from taichi_erosion.measures.wind_formulas import Sand
 from taichi_erosion.wind import survey as wind_survey
 from taichi_erosion.wind.survey import Survey, asked_winds, scenes_of
@@ -107,7 +107,7 @@ def test_beds_are_added_until_a_threshold_is_known(share, told, tmp_path, monkey
 
     def measure(seed):
         value = 0.25 * exp(0.11 * sin(7.0 * seed))
-        return bracket_threshold("fluid_threshold", Bracket(value, 1.001 * value))
+        return threshold_from_bracket("fluid_threshold", Bracket(value, 1.001 * value))
 
     def run(path, options):
         name = "fluid_threshold" if path.stem == "thresholds" else "flux"

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.data.transforms import axis_position
 from taichi_erosion.evidence.models import reduced
-from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 
 Shares = tuple[float, float, float]
 KINDS, SHARES = ("outside", "null", "listed"), (0.4, 0.4, 0.2)
@@ -174,12 +174,12 @@ def measured(
 
 def ratio(problem: Problem, truth: Truth) -> float:
     """Root of the misfit that the calibrated bare model keeps without noise, in sd of the measurements."""
-    table = problem.visible()
+    table = problem.visible_rows()
     named, value = np.array(table.observable), table.value.copy()
     for observable in OBSERVABLES:
         rows = named == observable
         own = {name: column[rows] for name, column in table.conditions.items()}
         value[rows] = exact(truth, observable, own)
-    prepared = prepare(problem, replace(table, value=value), 0)
-    x = np.array([axis_position(axis, truth.parameters[axis.name]) for axis in prepared.axes])
+    prepared = prepare_problem(problem, replace(table, value=value), 0)
+    x = np.array([axis_position(axis, truth.parameters[axis.name]) for axis in prepared.parameter_axes])
     return root(least_misfit(prepared, x, {}))

@@ -73,7 +73,7 @@ class Place:
         """What paired seeds share."""
         key = seeds.tobytes()
         if key not in self.drawn:
-            self.drawn[key] = reduced.disturbance_of(self.states, seeds)
+            self.drawn[key] = reduced.normal_numbers_of_states(self.states, seeds)
         return self.drawn[key]
 
 
@@ -109,7 +109,7 @@ class CaseModel:
         if self.chaos > 0.0:
             setting = np.array([*parameters.values(), *effects.values()]).view(np.uint64)
             other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.splitmix64(setting))
-            kick = kick + sqrt(self.chaos) * reduced.disturbance_of(place.states, other)
+            kick = kick + sqrt(self.chaos) * reduced.normal_numbers_of_states(place.states, other)
         kick = kick * self.scatter * NOISE[observable]
         return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
@@ -123,7 +123,7 @@ class CaseModel:
                 columns,
                 row_count(conditions),
                 reduced.DEFAULT_COLUMNS | conditions,
-                reduced.row_states(observable, conditions),
+                reduced.hash_rows(observable, conditions),
             )
             if not any(column.flags.writeable for column in columns):
                 self.states[key] = found

@@ -15,8 +15,8 @@ from scipy import optimize
 from doe.trials.reduced.clean import Case
 from doe.trials.reduced.laboratory import CaseModel
 from taichi_erosion.evidence.data.problem import Candidate, Floats
-from taichi_erosion.evidence.data.transforms import axis_position, censored_terms
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.data.transforms import axis_position, censored_score
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare_problem
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
 STEPS = (0.3, 1e-3)  # relative, of slopes: wide ones see past the kinks of a threshold
@@ -64,8 +64,8 @@ def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:
             for name in names
         ),
     )
-    prepared = prepare(problem, problem.visible(), 0)
-    x = np.array([axis_position(axis, case.truth.parameters[axis.name]) for axis in prepared.axes])
+    prepared = prepare_problem(problem, problem.visible_rows(), 0)
+    x = np.array([axis_position(axis, case.truth.parameters[axis.name]) for axis in prepared.parameter_axes])
     exact = prepared.predictor.mean(x, case.truth.effects, prepared.seeds.fitting)
     return replace(prepared, rows=replace(prepared.rows, z=exact)), x
 
@@ -74,7 +74,7 @@ def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, floa
     """Misfit + prior of a hypothesis after recalibration, from the numbers x."""
     candidates = {each.name: each for each in prepared.problem.candidates}
     scale = np.array([1.0] * x.size + [candidates[name].prior_scale for name in acting])
-    ends = [(axis.low, axis.high) for axis in prepared.axes]
+    ends = [(axis.low, axis.high) for axis in prepared.parameter_axes]
     ends += [(0.0, candidates[name].maximum) for name in acting]
     low, high = np.reshape(ends, (-1, 2)).T / scale
 
@@ -94,10 +94,10 @@ def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, floa
 def whole_residual(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> Floats:
     """Whitened residual; of a censored row the root of its deviance."""
     mean = prepared.predictor.mean(x, acting, prepared.seeds.fitting)
-    found, reach = prepared.white(prepared.rows.z - mean), prepared.rows.reach / prepared.sd
+    found, reach = prepared.whiten(prepared.rows.z - mean), prepared.rows.reach / prepared.row_sd
     own = reach != 0.0
     if own.any():
-        found[own] = np.sqrt(-2.0 * censored_terms(found[own], reach[own])[0])
+        found[own] = np.sqrt(-2.0 * censored_score(found[own], reach[own])[0])
     return np.nan_to_num(found, nan=NO_VALUE, posinf=NO_VALUE, neginf=-NO_VALUE)
 
 

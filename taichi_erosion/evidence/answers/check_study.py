@@ -35,15 +35,15 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
         names = list(calibration.study.observables)
         for scene in dict.fromkeys(map(calibration.scene, names)):
             faults.of(read_scene, scene, ())
-        faults.tell()
+        faults.raise_if_any()
         return {"study": str(path), "kind": "calibration", "observables": names}
     study = load_study(path, options)
     examined = [faults.of(examine_file, each) for each in study.effect_files]
-    faults.tell()
-    return study_document(study) | {"effects": examined}
+    faults.raise_if_any()
+    return study_check_document(study) | {"effects": examined}
 
 
-def study_document(study: Study) -> Document:
+def study_check_document(study: Study) -> Document:
     """What was found, as a document."""
     measurements = study.problem.measurements
     faults = (*table_faults(study.problem), *source_faults(study))
@@ -52,17 +52,17 @@ def study_document(study: Study) -> Document:
         "kind": "evidence",
         "rows": measurements.size,
         "held_out": len(study.problem.vault.rows),
-        "drawn_from": study.drawn_from,
+        "drawn_from": study.vault_digest,
         "observables": {name: measurements.observable.count(name) for name in study.file.observables},
-        "conditions": {name: told_range(measurements, name) for name in study.file.conditions},
+        "conditions": {name: condition_range_text(measurements, name) for name in study.file.conditions},
         "parameters": [parameter.path for parameter in study.problem.parameters],
         "candidates": study.problem.candidate_names,
         "notes": [*(fault.sentence for fault in faults), *study.notes],
-        "cost": study_cost(study),
+        "cost": discovery_cost(study),
     }
 
 
-def told_range(measurements: Measurements, name: str) -> str:
+def condition_range_text(measurements: Measurements, name: str) -> str:
     """`5.5 to 7 deg`: range of a condition in the unit of the table."""
     column, units = measurements.conditions[name], measurements.table_units
     if np.isnan(column).all():
@@ -71,7 +71,7 @@ def told_range(measurements: Measurements, name: str) -> str:
     return with_unit(f"{low:g} to {high:g}", units.condition_unit(name))
 
 
-def study_cost(study: Study) -> dict[str, Any]:
+def discovery_cost(study: Study) -> dict[str, Any]:
     """Cost of a discovery with all candidates, by the size of its plan."""
     effects = study.problem.candidate_names
     document: dict[str, Any] = {}
@@ -80,12 +80,12 @@ def study_cost(study: Study) -> dict[str, Any]:
         if planned is None:
             sentence = function_cost(study, len(effects))
             return {"full": {"sentence": sentence}} if sentence else {}
-        cost = without_a_trace(planned)
-        document[name] = {"sentence": cost.sentence, "core_minutes": cost.seconds * cost.workers / MINUTE}
+        cost = plan_cost_without_new_ledger(planned)
+        document[name] = {"sentence": cost.cost_text, "core_minutes": cost.seconds * cost.workers / MINUTE}
     return document
 
 
-def without_a_trace(planned: TrainingRuns) -> PlanCost:
+def plan_cost_without_new_ledger(planned: TrainingRuns) -> PlanCost:
     """Cost of a plan; a study that has no ledger gets none by the question."""
     rounds = planned.plan_size.rounds
     if planned.simulator.folder.exists():

@@ -21,7 +21,7 @@ from taichi_erosion.evidence.answers.rounds import (
     StudyInference,
     answer_question,
     discovery_question,
-    last_plan,
+    plans_to_try,
 )
 from taichi_erosion.evidence.answers.set_up import (
     blocks_verdict,
@@ -31,7 +31,7 @@ from taichi_erosion.evidence.answers.set_up import (
     unit_faults,
 )
 from taichi_erosion.evidence.answers.summary import mechanism_parts, summary
-from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
+from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_openings
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
 from taichi_erosion.evidence.models.adopted_files import Adoption, refuse_foreign_files, write_adopted_files
@@ -43,8 +43,8 @@ from taichi_erosion.evidence.models.load_study import (
     StudyOptions,
     load_study,
 )
-from taichi_erosion.evidence.race.decision import decide, sensitivity
-from taichi_erosion.evidence.race.dose_laws import law_of_decision
+from taichi_erosion.evidence.race.decision import decide_cause, sensitivity
+from taichi_erosion.evidence.race.dose_laws import dose_law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
 from taichi_erosion.evidence.race.proposals import proposals
@@ -71,7 +71,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
         try:
             yield study
         finally:
-            study.store.commit()
+            study.store.commit_runs()
 
 
 def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -79,10 +79,10 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda inference: [inference.about_bare], most_points=1)
-        bare_inference, ready = answer_of(study, last_plan(study), question, progress)
+        bare_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
         record = summary(restrict(bare_inference.posterior.race, lambda h: not h.acting))
-        record = replace(record, **vars(bare_inference.decision.part))
-        return stored_reply(ready, "compare", bare_inference, record, start)
+        record = replace(record, **vars(bare_inference.decision.decision_record))
+        return store_reply(ready, "compare", bare_inference, record, start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -90,8 +90,8 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     start = perf_counter()
     with open_study(path, options) as study:
         plans = PLANS if study.options.budget is None else (study.options.budget,)
-        question = discovery_question(study, bare if blocks_verdict(study.faults) else whole)
-        inference, ready = answer_of(study, plans, question, progress)
+        question = discovery_question(study, bare if blocks_verdict(study.faults) else infer_all)
+        inference, ready = answer_with_unit_faults(study, plans, question, progress)
         record = discover_record(inference)
         adopted = files.read_reply(study.results, study.path.stem, "adopt")
         if (
@@ -100,7 +100,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
             and not blocks_verdict(ready.faults)
         ):
             record = files.after_adoption(record, adopted.record)
-        return stored_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
+        return store_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
 
 
 def adopt_study(
@@ -113,59 +113,59 @@ def adopt_study(
     start = perf_counter()
     with open_study(path, options) as study:
         names = study.problem.candidate_names
-        effects = known_effects(effects, names, path)
+        effects = order_effects_to_adopt(effects, names, path)
         refuse_foreign_files(study, effects, options.force)
 
-        def points(inference: StudyInference) -> list[Any]:
+        def both_points(inference: StudyInference) -> list[Any]:
             return inference.about(
-                inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best
+                inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best_fit
             )
 
-        question = Question(f"adopt {' '.join(effects)}", whole, points, names, most_points=2)
-        adopted_inference, ready = answer_of(study, last_plan(study), question, progress)
-        record = adopt_record(adopted_inference.posterior, effects, study.file.study.seed)
-        opened = openings(study.results, study.drawn_from)
+        question = Question(f"adopt {' '.join(effects)}", infer_all, both_points, names, most_points=2)
+        adopted_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
+        record = adoption_record(adopted_inference.posterior, effects, study.file.study.seed)
+        opened = vault_openings(study.results, study.vault_digest)
         if len(study.problem.vault.rows):
-            opened = record_opening(study.results, study.drawn_from, "+".join(effects))
+            opened = count_opening(study.results, study.vault_digest, "+".join(effects))
         record = replace(record, vault=record.vault and replace(record.vault, opened=opened))
         names, numbers = record.named, dict[str, Interval](record.parameters)
         earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
-        strengths |= {name: record.effects[name].interval for name in names}
+        strengths |= {name: record.effects[name].strength_range for name in names}
         paths = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
         details = {"written": str(paths[0]), "files": [str(file) for file in paths]}
-        details |= {"ladder": files.extended_ladder(study, record)}
+        details |= {"ladder": files.append_adoption_errors(study, record)}
         adopted_inference = replace(
             adopted_inference, posterior=condition_on_effects(adopted_inference.posterior, effects)
         )
-        return stored_reply(ready, "adopt", adopted_inference, record, start, **details)
+        return store_reply(ready, "adopt", adopted_inference, record, start, **details)
 
 
 def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
     """The measurements that would move the posterior. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = discovery_question(study, whole, tested=False)
-        inference, ready = answer_of(study, last_plan(study), question, progress)
+        question = discovery_question(study, infer_all, tested=False)
+        inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
         laboratory = Laboratory(**study.file.laboratory.model_dump())
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
         experiments = proposals(inference.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
         record = replace(summary(inference.posterior), next_experiments=experiments)
-        return stored_reply(ready, "next", inference, record, start)
+        return store_reply(ready, "next", inference, record, start)
 
 
-def whole(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
+def infer_all(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
     """The race of a study."""
     posterior = infer(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
-    return StudyInference(posterior, decide(posterior))
+    return StudyInference(posterior, decide_cause(posterior))
 
 
 def bare(ready: Study, progress: Progress) -> StudyInference:
     """The race of a study without anything that could be missing."""
-    return whole(ready, progress, bare=True)
+    return infer_all(ready, progress, bare=True)
 
 
-def answer_of(
+def answer_with_unit_faults(
     study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
 ) -> tuple[StudyInference, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
@@ -181,25 +181,25 @@ def discover_record(inference: StudyInference) -> Record:
     posterior, answer = inference.posterior, inference.decision
     other = defaultdict[str, list[DecisionPart]](list)
     for prior, _, decision in sensitivity(posterior, answer):
-        other[prior].append(decision.part)
+        other[prior].append(decision.decision_record)
     record = replace(summary(posterior, answer), fresh_runs=inference.fresh, sensitivity=dict(other))
-    record = replace(record, mechanisms=mechanism_parts(record, law_of_decision(posterior, answer)))
+    record = replace(record, mechanisms=mechanism_parts(record, dose_law_of_decision(posterior, answer)))
     doubted = (*record.named, *record.group)
     if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
         return replace(record, verdict="unstable", named=(), group=doubted, sensitivity={})
     return record
 
 
-def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
+def adoption_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     conditioned = condition_on_effects(posterior, effects)
     acting = {"verdict": "present", "named": tuple(effects), "group": ()}
-    record = summary(conditioned, replace(decide(conditioned), acting_mechanisms=(), **acting))
-    before = vars(decide(posterior).part) | acting | {"acting_mechanisms": ()}
+    record = summary(conditioned, replace(decide_cause(conditioned), acting_mechanisms=(), **acting))
+    before = vars(decide_cause(posterior).decision_record) | acting | {"acting_mechanisms": ()}
     return replace(record, **before, vault=held_out_part(conditioned, effects, seed))
 
 
-def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
+def order_effects_to_adopt(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
     """Effects to adopt in the order of the candidates, each once; raises BadInput for one that is none."""
     if missing := [effect for effect in effects if effect not in names]:
         remedy = "one of your own: --effect FILE, or effect_files under [study]"
@@ -212,7 +212,7 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
     return tuple(name for name in names if name in effects)
 
 
-def stored_reply(
+def store_reply(
     study: Study, command: Command, inference: StudyInference, record: Record, start: float, **details: Any
 ) -> Reply:
     """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
@@ -221,13 +221,13 @@ def stored_reply(
         record = replace(record, verdict="not_testable", **waits)
     runs = record.runs if study.simulations is None else study.simulations
     record = replace(record, runs=runs, wall_s=perf_counter() - start, seed=study.file.study.seed)
-    reply = Reply(command, study_frame(study, inference) | details, record, inference.posterior)
+    reply = Reply(command, common_answer_fields(study, inference) | details, record, inference.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def study_frame(study: Study, inference: StudyInference) -> files.Document:
+def common_answer_fields(study: Study, inference: StudyInference) -> files.Document:
     """What every answer says of its study and of the set-up."""
-    about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
+    about = files.study_fields(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(inference.posterior.race.prepared.warnings)
     # repeats that differ first, for they may be typing errors
     order = sorted(study.faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))

@@ -19,13 +19,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.effect_library import effect_titles
 from taichi_erosion.evidence.data.table_units import KEY, TableUnits
-from taichi_erosion.evidence.models.adopted_files import adopted_study
+from taichi_erosion.evidence.models.adopted_files import adopted_study_path
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import FitPart, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
-from taichi_erosion.evidence.words.part_words import improves
+from taichi_erosion.evidence.words.part_words import misfit_falls
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
 
@@ -59,19 +59,19 @@ class Reply:
         A study that `adopt` wrote states its effect files itself.
         """
         about, rows, vault = self.about, mechanism_rows(), self.record.vault
-        adopted_path = str(adopted_study(Path(about["study"]), vault.adopted)) if vault else ""
+        adopted_path = str(adopted_study_path(Path(about["study"]), vault.adopted)) if vault else ""
 
-        def command(*words: str) -> str:
+        def command_with_options(*words: str) -> str:
             alone = words[0] == "effects" or adopted_path in words
             return call(*words, *(() if alone else options))
 
         return Vocabulary(
             about["study"],
-            command,
+            command_with_options,
             TableUnits.of(about),
             {n: row["title"] for n, row in rows.items()} | effect_titles(map(Path, about["effect_files"])),
             {name: dose_meaning(name) for name in rows},
-            str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
+            str(answer_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
             adopted_path,
         )
 
@@ -80,7 +80,7 @@ class Reply:
         return lines.ANSWERS[self.command](self.record, self.vocabulary(*options, call=call))
 
 
-def study_document(study: Study) -> Document:
+def study_fields(study: Study) -> Document:
     """The part of every document that describes its study."""
     table = study.problem.measurements
     versions = {"taichi_erosion": __version__, "python": platform.python_version()}
@@ -96,7 +96,7 @@ def study_document(study: Study) -> Document:
         "candidates": study.problem.candidate_names,
         "effect_files": [str(file.path) for file in study.effect_files],
         "units": dict(zip(table.observable, table.unit, strict=True)),
-        KEY: table.table_units.record(),
+        KEY: table.table_units.units_as_tables(),
         "notes": list(study.notes),
         "rows_visible": table.size - len(study.problem.vault.rows),
         "rows_hidden": len(study.problem.vault.rows),
@@ -112,10 +112,10 @@ def after_adoption(record: Record, adopted: Record) -> Record:
     fit = {each.name: getattr(adopted, each.name) for each in fields(FitPart)}
     fitted = replace(record, vault=unseen, **fit)
     none = {"named": (), "group": (), "refuted": effects, "mechanisms": {}, "sensitivity": {}}
-    return fitted if improves(fitted) else replace(fitted, verdict="none_detected", **none)
+    return fitted if misfit_falls(fitted) else replace(fitted, verdict="none_detected", **none)
 
 
-def document_file(folder: Path, stem: str, command: Command) -> Path:
+def answer_file(folder: Path, stem: str, command: Command) -> Path:
     """File of the last answer of a command; studies that follow one another share a folder."""
     return folder / f"{stem}.{command}.json"
 
@@ -123,7 +123,7 @@ def document_file(folder: Path, stem: str, command: Command) -> Path:
 def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
     """Store an answer in place of an earlier one."""
     whole = reply.about | RECORD.dump_python(reply.record, mode="json")
-    write_document(document_file(folder, stem, reply.command), whole)
+    write_document(answer_file(folder, stem, reply.command), whole)
     return reply
 
 
@@ -134,13 +134,13 @@ def write_document(file: Path, content: Document) -> Path:
 
 def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
     """The last answer of a command; None if it has not been given in this format."""
-    document = read_document(document_file(folder, stem, command))
+    document = read_document(answer_file(folder, stem, command))
     if document is None or document.get("format") != FORMAT:
         return None
     try:
         record = RECORD.validate_python(document)
     except ValidationError:
-        raise BadInput(f"{document_file(folder, stem, command)}: holds no result; ask again") from None
+        raise BadInput(f"{answer_file(folder, stem, command)}: holds no result; ask again") from None
     about = {key: value for key, value in document.items() if not hasattr(record, key)}
     return Reply(command, about, record)
 
@@ -155,7 +155,7 @@ def read_document(file: Path) -> Document | None:
         raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
 
 
-def extended_ladder(study: Study, record: Record) -> list[Document]:
+def append_adoption_errors(study: Study, record: Record) -> list[Document]:
     """Errors per row on a table before the first adoption and after each, with this one where they fall."""
     vault, before, of = record.vault, list(study.file.adopted), study.digest[:12]
     ladder = read_document(study.results / LADDER) or {"rungs": []}
@@ -166,7 +166,7 @@ def extended_ladder(study: Study, record: Record) -> list[Document]:
 
     rungs = [each for each in ladder["rungs"] if each["of"] == of]
     rungs = rungs or [rung(before, record.chi2_per_row_before, vault and vault.chi2_per_row_before)]
-    if improves(record):
+    if misfit_falls(record):
         acting = [*before, *record.named]
         earlier_rungs = [each for each in rungs if len(each["effects"]) < len(acting)]
         rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, vault and vault.chi2_per_row_after)]

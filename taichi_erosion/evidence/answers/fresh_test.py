@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import condition_numbers
+from taichi_erosion.evidence.data.comparison_rows import condition_cells
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
 from taichi_erosion.evidence.emulator.design import Setting, round_number
 from taichi_erosion.evidence.emulator.fresh_runs import (
@@ -44,7 +44,7 @@ from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
@@ -66,18 +66,18 @@ class Kind:
     fits: tuple[Fit, ...]  # of the set, alone and beside what no list holds; the first is simulated
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def acting(self) -> tuple[str, ...]:
         """Effects and mechanisms that act."""
         return tuple(sorted(self.fits[0].hypothesis.acting - {OUTSIDE}))
 
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
         at, has_run = self.fits[0], np.isfinite(mean)[:, np.newaxis]
-        errors, emulator = self.race.model.errors(at.hypothesis.names, at.v, at.doses), self.emulator
+        errors, emulator = self.race.model.errors(at.hypothesis.names, at.v, at.row_doses_of), self.emulator
         before = self.race.prepared.rows.shared.shape[1]
         errors[:, before : before + emulator.shape[1]] = np.where(has_run, 0.0, emulator)
         mean, columns = np.where(has_run[:, 0], mean, at.mean), np.where(has_run, columns, 0.0)
-        share = self.share_of_change(mean, columns)
+        share = self.simulated_share_of_change(mean, columns)
         jacobian = at.jacobian * np.where(np.arange(at.v.size) < self.race.model.count, 1.0, share)
         change: dict[str, Any] = {"v": at.v, "mean": mean, "jacobian": jacobian}
         if at.dose is not None:
@@ -87,45 +87,45 @@ class Kind:
         about = [replace(fit, **change, errors=np.hstack([errors, columns])) for fit in self.fits]
         return [self.race.fit_at_scales(fit, start=fit.scales, fresh=True) for fit in about]
 
-    def share_of_change(self, mean: Floats, columns: Floats) -> float:
+    def simulated_share_of_change(self, mean: Floats, columns: Floats) -> float:
         """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
         without = (
             prepared.predictor.mean(setting_at(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
         )
-        action, white = prepared.white(at.mean - without), prepared.white(columns)
+        action, white = prepared.whiten(at.mean - without), prepared.whiten(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
-        return float(1.0 + along @ prepared.white(mean - at.mean) / (1.0 + along @ action))
+        return float(1.0 + along @ prepared.whiten(mean - at.mean) / (1.0 + along @ action))
 
     @property
     def emulator(self) -> Floats:
         """Errors of the emulator (n, q)."""
         at = self.fits[0]
-        return self.race.prepared.predictor.model_errors(*setting_at(self.race, at), at.doses)
+        return self.race.prepared.predictor.error_factor(*setting_at(self.race, at), at.row_doses_of)
 
-    def if_right(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
+    def null_evidence_draws(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
-        has_run = np.isfinite(runs.mean)
+        has_run = np.isfinite(runs.row_means)
         mean, prepared = np.where(has_run, self.fits[0].mean, np.nan), self.race.prepared
-        columns = prepared.white(np.hstack([runs.columns, self.emulator]))
+        columns = prepared.whiten(np.hstack([runs.columns, self.emulator]))
         columns[~has_run | prepared.rows.censored] = 0.0
         s = random.standard_normal((DRAWS, columns.shape[1]))
         logs = []
         for fit in self.refit_with_runs(mean, runs.columns):
-            along, gram = fit.evidence.solution.against(columns)
-            logs.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
+            along, gram = fit.evidence.solution.project(columns)
+            logs.append(log_weight_of(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
         return np.logaddexp.reduce(logs, axis=0)
 
 
 def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
     """Calibrated numbers on their axes, and strengths."""
     model = race.model
-    return model.numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
+    return model.axis_numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
 
 
-def setting_of(race: Race, fit: Fit) -> Setting:
+def rounded(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
-    setting = race.prepared.predictor.setting(*setting_at(race, fit))
+    setting = race.prepared.predictor.parameters_and_strengths(*setting_at(race, fit))
     numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in setting)
     if fit.dose is None:
         return Setting(numbers, acting)
@@ -134,38 +134,38 @@ def setting_of(race: Race, fit: Fit) -> Setting:
     doses = []
     for row in range(fit.mean.size):
         at = {path: x for path, x in row_at(columns, row).items() if np.isfinite(x)}
-        doses.append((at, {name: round_number(column[row]) for name, column in fit.doses.items()}))
-    top = {name: round_number(column[np.argmax(np.abs(column))]) for name, column in fit.doses.items()}
+        doses.append((at, {name: round_number(column[row]) for name, column in fit.row_doses_of.items()}))
+    top = {name: round_number(column[np.argmax(np.abs(column))]) for name, column in fit.row_doses_of.items()}
     unique = {repr(each): each for each in doses}
     return Setting(numbers, {**acting, **top}, [*unique.values()], fit.hypothesis.along)
 
 
-def total(fits: Sequence[Fit]) -> float:
+def log_total(fits: Sequence[Fit]) -> float:
     """Ln of prior times evidence of all of some explanations."""
-    return float(np.logaddexp.reduce([score(fit) for fit in fits]))
+    return float(np.logaddexp.reduce([log_weight_of(fit) for fit in fits]))
 
 
-def is_true(decision: Decision, hypothesis: Hypothesis) -> bool:
+def confirms(decision: Decision, hypothesis: Hypothesis) -> bool:
     """Whether all that is named acts in an explanation, and one of the group; of mechanisms the first."""
     acting, group = hypothesis.acting, set(decision.group)
     return decision.core <= acting and (not group or bool(group & acting))
 
 
-def kinds_of(race: Race, decision: Decision) -> list[Kind]:
+def answer_and_rivals(race: Race, decision: Decision) -> list[Kind]:
     """The answer, what contradicts it, and nothing of the list: each with the likeliest."""
     kinds: dict[str, list[Fit]] = {"answer": [], "rival": [], "bare": []}
     for hypothesis, fit in race.fits.items():
         bare = not hypothesis.names and fit.dose is None
-        kinds["answer" if is_true(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
+        kinds["answer" if confirms(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
     classes = []
     for fits in kinds.values():
-        able = sorted((each for each in fits if each.is_optimum), key=score, reverse=True)
+        able = sorted((each for each in fits if each.is_optimum), key=log_weight_of, reverse=True)
         if able:
             alike = tuple(
                 f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None
             )
             alike = alike if able[0].dose is None else (able[0],)
-            classes.append(Kind(race, total(fits), alike))
+            classes.append(Kind(race, log_total(fits), alike))
     return classes
 
 
@@ -174,64 +174,64 @@ def fresh_test(
 ) -> tuple[FreshPart, frozenset[str]]:
     """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
     race = posterior.race
-    kinds, requests = kinds_of(race, decision), race.prepared.predictor.requests
-    settings, part = [setting_of(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
-    campaign = first = simulate(settings, requests, separation(race, kinds), progress)
+    kinds, requests = answer_and_rivals(race, decision), race.prepared.predictor.row_requests
+    settings, part = [rounded(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
+    campaign = first = simulate(settings, requests, distance_to_rivals(race, kinds), progress)
     if not campaign.runs:
-        return FreshPart("not_made", kinds[0].names, needed=len(campaign.keys)), frozenset()
-    outcome_part, times = part_of(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
-    while decision.acting_mechanisms and is_open(outcome_part):
-        nearest = closest(race, campaign)
+        return FreshPart("not_made", kinds[0].acting, needed=len(campaign.keys)), frozenset()
+    outcome_part, times = fresh_test_record(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
+    while decision.acting_mechanisms and leaves_mechanisms_open(outcome_part):
+        nearest = most_discriminating_rows(race, campaign)
         times[nearest] *= 2
         if len(campaign.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
             break
-        some = race.prepared.rows.rows(nearest)
-        rows = part.over(some.observables, some.which, some.conditions).requests
+        some = race.prepared.rows.select_rows(nearest)
+        rows = part.at_rows(some.observables, some.which, some.conditions).row_requests
         more = simulate(settings[:2], rows, np.ones(nearest.size), progress, int(times[nearest[0]]))
         if more.seeds < times[nearest[0]] * first.seeds:
             break
         pairs = zip(campaign.runs[:2], more.runs, strict=True)
-        runs = (*(one.with_more(other, nearest) for one, other in pairs), *campaign.runs[2:])
+        runs = (*(one.merge_fresh_runs(other, nearest) for one, other in pairs), *campaign.runs[2:])
         campaign = FreshCampaign(
             runs, campaign.keys | more.keys, len(runs[0].values), campaign.failures + more.failures
         )
-        outcome_part = part_of(kinds, campaign)
+        outcome_part = fresh_test_record(kinds, campaign)
     return outcome_part, campaign.keys
 
 
-def part_of(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
+def fresh_test_record(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
     """What is told of an answer by some fresh runs."""
     race = kinds[0].race
     each, none = list(zip(kinds, campaign.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
-    evidence = np.array([total(kind.refit_with_runs(none, run.columns)) for kind, run in each])
-    simulated = np.array([total(kind.refit_with_runs(run.mean, run.columns)) for kind, run in each])
+    evidence = np.array([log_total(kind.refit_with_runs(none, run.columns)) for kind, run in each])
+    simulated = np.array([log_total(kind.refit_with_runs(run.row_means, run.columns)) for kind, run in each])
     random = np.random.default_rng(SEED)
-    right = np.transpose([kind.if_right(run, random) for kind, run in each])
+    right = np.transpose([kind.null_evidence_draws(run, random) for kind, run in each])
     before, after = (float(chance(kinds, logs - evidence)) for logs in (evidence, simulated))
-    rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
+    rival = next((k for k, kind in enumerate(kinds) if k and kind.acting), 0)
     other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
     p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
     few = campaign.failures > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
         outcome = "contradicted"
-    part = FreshPart(outcome, kinds[0].names, before, after, p, gap, len(campaign.keys), campaign.seeds)
-    return replace(part, failed=campaign.failures, rival=kinds[rival].names * bool(rival), rivals=other)
+    part = FreshPart(outcome, kinds[0].acting, before, after, p, gap, len(campaign.keys), campaign.seeds)
+    return replace(part, failed=campaign.failures, rival=kinds[rival].acting * bool(rival), rivals=other)
 
 
-def is_open(part: FreshPart) -> bool:
+def leaves_mechanisms_open(part: FreshPart) -> bool:
     """Whether fresh runs leave two mechanisms open, neither of which leads by LEAD."""
     less, more = sorted((part.simulated, part.rivals))
     return part.outcome == "undecided" and len(part.rival) == 1 and more < LEAD * less
 
 
-def closest(race: Race, campaign: FreshCampaign) -> Integers:
+def most_discriminating_rows(race: Race, campaign: FreshCampaign) -> Integers:
     """Rows of the set of conditions at which twice the seeds tell the first two explanations best."""
     one, other = campaign.runs[:2]
     error = np.sum(one.columns**2, axis=1) + np.sum(other.columns**2, axis=1)
-    gap, measured = (one.mean - other.mean) ** 2, race.prepared.sd**2
+    gap, measured = (one.row_means - other.row_means) ** 2, race.prepared.row_sd**2
     gain = np.nan_to_num(gap / (measured + 0.5 * error) - gap / (measured + error))
-    cells = condition_numbers(race.prepared.rows)
+    cells = condition_cells(race.prepared.rows)
     return np.flatnonzero(cells == cells[int(np.argmax([gain[cells == cell].sum() for cell in cells]))])
 
 
@@ -256,7 +256,7 @@ def after_runs(decision: Decision, part: FreshPart) -> Decision:
     return replace(decision, acting_mechanisms=tuple(group)[:MOST_TOLD], together=False)
 
 
-def runs_at(
+def simulate_untrained_rows(
     place: JointRows, simulator: FreshSimulator, progress: Progress
 ) -> tuple[JointRows, frozenset[str]]:
     """Rows with runs of the calibrated model where conditions are new to its emulator, and the runs' keys.
@@ -265,26 +265,26 @@ def runs_at(
     tells its own scatter, so that what is said of it does not depend on the others.
     """
     race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
-    point, keys, cells = setting_of(race, race.bare), frozenset[str](), condition_numbers(rows)
+    point, keys, cells = rounded(race, race.bare), frozenset[str](), condition_cells(rows)
     new = untrained_rows(simulator, predictor, point)[race.prepared.rows.size :]
     sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
     mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]
 
-    def campaign_of(row_numbers: Integers) -> FreshCampaign:
-        some = rows.rows(row_numbers)
-        requests = predictor.over(some.observables, some.which, some.conditions).requests
+    def simulate_rows(row_numbers: Integers) -> FreshCampaign:
+        some = rows.select_rows(row_numbers)
+        requests = predictor.at_rows(some.observables, some.which, some.conditions).row_requests
         spent = simulator.training.other_runs + len(keys - simulator.stored_keys)
         counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
-        return counting.simulate([point], requests, np.ones(row_numbers.size), progress)
+        return counting.simulate_settings([point], requests, np.ones(row_numbers.size), progress)
 
     for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
-        campaign_of(np.concatenate(sets[first : first + MOST_CONDITIONS]))
+        simulate_rows(np.concatenate(sets[first : first + MOST_CONDITIONS]))
     for cell_rows in sets:
-        if runs := (campaign := campaign_of(cell_rows)).runs:
-            mean[cell_rows], keys = runs[0].mean, keys | campaign.keys
+        if runs := (campaign := simulate_rows(cell_rows)).runs:
+            mean[cell_rows], keys = runs[0].row_means, keys | campaign.keys
             columns.append(np.zeros((rows.size, runs[0].columns.shape[1])))
             columns[-1][cell_rows] = runs[0].columns
-    gap = np.where(new, mean - place.model.sure_mean((), race.bare.v)[race.prepared.rows.size :], 0.0)
+    gap = np.where(new, mean - place.model.precise_mean((), race.bare.v)[race.prepared.rows.size :], 0.0)
     return replace(place, runs=(new, gap, np.hstack(columns))), keys
 
 
@@ -293,15 +293,15 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     untrained, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
 
-    def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
+    def overrides_of(scene: Path, at: Numbers) -> tuple[str, ...]:
         return training.simulator.overrides(measures[scene], at, {}, point.effects)
 
-    pairs = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
-    for observable, rows, conditions_of in predictor.requests:
+    pairs = {(run.scene, overrides_of(run.scene, run.at)) for run in training.runs}
+    for observable, rows, conditions_of in predictor.row_requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
         columns = mapping.model_conditions(conditions_of)
         untrained[rows] = [
-            (scene, conditions(scene, row_at(columns, k))) not in pairs for k in range(rows.size)
+            (scene, overrides_of(scene, row_at(columns, k))) not in pairs for k in range(rows.size)
         ]
     return untrained
 
@@ -312,15 +312,15 @@ def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
     return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))
 
 
-def separation(race: Race, kinds: Sequence[Kind]) -> Floats:
+def distance_to_rivals(race: Race, kinds: Sequence[Kind]) -> Floats:
     """How far the explanations lie from the answer in every row, in sd of the measurement."""
     means = np.array([kind.fits[0].mean for kind in kinds])
-    return np.sum(np.abs(means - means[0]), axis=0) / race.prepared.sd
+    return np.sum(np.abs(means - means[0]), axis=0) / race.prepared.row_sd
 
 
 def gap_of(race: Race, kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapPart | None:
     """The least likely gap of all observables under all explanations."""
-    tests = [(t, name, k.names) for k, run in zip(kinds, runs, strict=True) for name, t in run.tests.items()]
+    tests = [(t, name, k.acting) for k, run in zip(kinds, runs, strict=True) for name, t in run.tests.items()]
     if not tests:
         return None
     worst, name, effects = min(tests, key=lambda each: each[0].p)

@@ -22,20 +22,20 @@ from taichi_erosion.evidence.answers.scene_templates import (
     CalibratedNumber,
     Template,
     contact,
-    places_of,
-    safe_grains,
+    least_grain_count,
+    paths_of_place,
     scene_text,
     templates_for,
 )
-from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
-from taichi_erosion.evidence.data.measured import column_faults, read_rows, unusual_cells, with_limits
+from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, write_study_files
+from taichi_erosion.evidence.data.measured import read_rows, unusual_cells, value_faults, with_limits
 from taichi_erosion.evidence.data.tables.column_roles import (
     AIR,
     CONDITION,
     NOT_USED,
     Column,
     TableOptions,
-    has_no_scale,
+    can_be_of_any_size,
 )
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
@@ -43,8 +43,8 @@ from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
 from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.execution.checks import read_scene
-from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, place_range
+from taichi_erosion.scene.paths import unit_at_path
+from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, range_at
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
@@ -53,16 +53,16 @@ from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
     KINDS,
-    longest_word,
+    best_word,
     meaning_of,
-    near_meaning,
     qualifiers,
     read_heading,
+    suggest_meaning,
     unit_in,
 )
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.number_words import key_text
-from taichi_erosion.tables.spreadsheet import source_digest
+from taichi_erosion.tables.number_words import toml_key
+from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 Document = dict[str, Any]
 GRAIN_UNITS = ("mm", "um", "µm", "μm")  # of lengths that may be the size of grains
@@ -116,45 +116,45 @@ class StudyRequest:
         """Observables."""
         return list(dict.fromkeys(row.observable for row in self.table.rows))
 
-    def relative(self, file: Path) -> str:
+    def path_from_study(self, file: Path) -> str:
         """Path of a file as the study names it."""
         return Path(os.path.relpath(file, self.folder)).as_posix()
 
 
-def new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
+def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
     """Write table, study and scenes of a laboratory's table; the document says what was understood.
 
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
     folder = wishes.folder or table.parent / table.stem
-    interview, options = Interview(ask), options_for_table(wishes)
+    interview, options = Interview(ask), table_options(wishes)
     measured = read_laboratory_table(table, options, interview)
     request = StudyRequest(measured, options, condition_places(measured, options), folder, wishes, interview)
-    refuse_unused(request)
-    request = with_grains(request) if wishes.closed_form else request
-    content = closed_form_content(request) if wishes.closed_form else scene_content(request)
+    refuse_useless_options(request)
+    request = add_constant_conditions(request) if wishes.closed_form else request
+    content = closed_form_study_content(request) if wishes.closed_form else scene_study_content(request)
     titles = {each.heading.name: each.name for each in measured.columns if each.name in content.observables}
     codes = {titles.get(name, name): text for name, text in wishes.between_codes.items()}
     content = replace(content, shared={name: shared_error(name, codes[name], content) for name in codes})
     for name, text in wishes.measured.items():
-        content = replace(content, parameters=with_measured(content.parameters, name, text))
+        content = replace(content, parameters=set_measured_numbers(content.parameters, name, text))
     files = StudyFiles(
         folder,
         table.stem,
         request.table,
         content,
-        made_from=request.relative(table),
-        digest=source_digest(table),
+        made_from=request.path_from_study(table),
+        digest=laboratory_table_digest(table),
         assumptions=interview.assumptions,
-        effect_files=[request.relative(file) for file in wishes.effects],
+        effect_files=[request.path_from_study(file) for file in wishes.effects],
     )
     return {
         "table": str(table),
         "form": measured.form,
         "columns": [column_document(column, content) for column in measured.columns],
         "assumed": list(interview.assumptions),
-        **written_files(files, wishes.anew),
+        **write_study_files(files, wishes.anew),
     }
 
 
@@ -167,7 +167,7 @@ def shared_error(name: str, text: str, content: Content) -> str:
     return f"{key} = {sd:g}    # of the level, between codes; half of it at each diameter"
 
 
-def with_measured(numbers: Sequence[CalibratedNumber], name: str, text: str) -> list[CalibratedNumber]:
+def set_measured_numbers(numbers: Sequence[CalibratedNumber], name: str, text: str) -> list[CalibratedNumber]:
     """Calibrated numbers, of which one was measured on the grains, `0.5 ± 0.05`. Raises BadInput."""
     cell, last = CellNumber(), {each: sorted(each.path.rpartition(".")[2].split("_")) for each in numbers}
     matches = [each for each in numbers if name == each.path or sorted(name.split("_")) == last[each]]
@@ -181,7 +181,7 @@ def with_measured(numbers: Sequence[CalibratedNumber], name: str, text: str) -> 
     return [replace(each, **prior) if each in matches else each for each in numbers]
 
 
-def refuse_unused(request: StudyRequest) -> None:
+def refuse_useless_options(request: StudyRequest) -> None:
     """Raise BadInput for an option that a column states already, or that only a ready scene takes."""
     wishes, places = request.wishes, request.places.values()
     ready = {"--apparatus": (wishes.apparatus, ""), "--grains": (wishes.grains, "")}
@@ -202,11 +202,11 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
     ranges: list[tuple[str, PhysicalRange | None]] = []
     if measured is not None:
         places = faults.of(condition_places, measured, options) or {}
-        ranges += [(name, place_range(place.split(",")[0].strip())) for name, place in places.items()]
+        ranges += [(name, range_at(place.split(",")[0].strip())) for name, place in places.items()]
         ranges += [(name, OBSERVED.get(name)) for name in dict.fromkeys(r.observable for r in measured.rows)]
         for name, allowed in ranges:
-            faults += column_faults(measured, name, allowed, usual=not options.units)  # a stated unit counts
-    faults.tell()
+            faults += value_faults(measured, name, allowed, usual=not options.units)  # a stated unit counts
+    faults.raise_if_any()
     assert measured is not None
     for name, allowed in ranges:
         for words in unusual_cells(measured, name, allowed):
@@ -218,19 +218,19 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
     """Place that every condition of a table sets."""
     columns = [column for column in table.columns if column.role == "condition"]
     # in a tidy table a column is called as the user likes
-    places = {c.title: options.conditions.get(c.name) or place_of_tidy(c, options) for c in columns}
+    places = {c.title: options.conditions.get(c.name) or path_of_tidy_column(c, options) for c in columns}
     if not any(column.role == "value" for column in table.columns):
         places = {column.title: column.name for column in columns}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
-        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}={unit}"
+        f"--condition {name}={suggest_meaning(name) or 'PATH'}, or give its unit: --condition {name}={unit}"
         for name, place in places.items()
         for unit in [table.units[table.conditions.index(name)] or "UNIT"]
         if name and not place
     ]
     for name, unit in zip(table.conditions, table.units, strict=True):
-        allowed = None if unit else place_range(places[name].split(",")[0])
-        if allowed is not None and has_no_scale(allowed):
+        allowed = None if unit else range_at(places[name].split(",")[0])
+        if allowed is not None and can_be_of_any_size(allowed):
             words = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
             faults.append(f"{table.file}: column '{name}': {words}")
     if faults:
@@ -238,15 +238,15 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
     return places
 
 
-def place_of_tidy(column: Column, options: TableOptions) -> str:
+def path_of_tidy_column(column: Column, options: TableOptions) -> str:
     """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
     if qualifiers(column.heading)[0]:
         return ""
-    unknown = options.reads is not None and not near_meaning(column.name)  # residuals are tested along it
+    unknown = options.reads is not None and not suggest_meaning(column.name)  # residuals are tested along it
     return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
 
 
-def closed_form_content(request: StudyRequest) -> Content:
+def closed_form_study_content(request: StudyRequest) -> Content:
     """The study that the reduced model answers. Raises BadInput for an observable that it does not have."""
     if unknown := [name for name in request.names if name not in reduced.OBSERVABLES]:
         words = f"the closed form does not know '{unknown[0]}'; it knows {', '.join(reduced.OBSERVABLES)}"
@@ -269,7 +269,7 @@ def closed_form_content(request: StudyRequest) -> Content:
     )
 
 
-def with_grains(request: StudyRequest) -> StudyRequest:
+def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     """The table with what no column states of the grains and the user does: constant conditions."""
     wishes, table, places = request.wishes, request.table, dict(request.places)
     reads = {"threshold_u_star", "flux"} & {*request.names} or "conditions.width" in places.values()
@@ -277,7 +277,7 @@ def with_grains(request: StudyRequest) -> StudyRequest:
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for heading in (column.heading for column in table.columns if column.unread):
-            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
+            if heading.unit in GRAIN_UNITS and not best_word(heading.name, *KINDS, "roles", "others")[0]:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")
@@ -295,21 +295,21 @@ def with_grains(request: StudyRequest) -> StudyRequest:
     return replace(request, table=table, places=places)
 
 
-def scene_content(request: StudyRequest) -> Content:
+def scene_study_content(request: StudyRequest) -> Content:
     """The study that scenes answer."""
     scenes, parameters, conditions, observables = {}, {}, {}, {}
     stem = Path(request.table.file).stem
-    for key, names in apparatus_of_all(request).items():
+    for key, names in observables_by_apparatus(request).items():
         if key == OWN:
             scene_file = request.wishes.scene or Path()
-            template, file = own_template(scene_file, request), request.relative(scene_file)
+            template, file = template_of_own_scene(scene_file, request), request.path_from_study(scene_file)
         else:
             scene = f"{key}_scene" if key == stem else key  # none has the name of the study
             template, file = TEMPLATES[key], f"{scene}.toml"
-            scenes[scene] = new_scene(request, key, names)
+            scenes[scene] = apparatus_scene_text(request, key, names)
         observables |= dict.fromkeys(names, file)
         for name, place in request.places.items():
-            paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
+            paths = [*conditions.get(name, "").split(", "), *paths_of_place(template, place).split(", ")]
             conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
         places = {place for paths in conditions.values() for place in paths.split(", ")}
         parameters |= {number.path: number for number in template.parameters if number.path not in places}
@@ -318,13 +318,13 @@ def scene_content(request: StudyRequest) -> Content:
     return Content(observables, conditions, list(parameters.values()), scenes)
 
 
-def apparatus_of_all(request: StudyRequest) -> dict[str, list[str]]:
+def observables_by_apparatus(request: StudyRequest) -> dict[str, list[str]]:
     """Observables of each apparatus; of an own scene all. Raises BadInput for one that measures none."""
     if request.wishes.scene is not None:
         return {OWN: request.names}
     groups: dict[str, list[str]] = {}
     for name in request.names:
-        groups.setdefault(apparatus_of(name, request), []).append(name)
+        groups.setdefault(choose_apparatus(name, request), []).append(name)
     if (choice := request.wishes.apparatus) not in (None, *groups):
         others = dict.fromkeys(key for name in request.names for key in templates_for(name))
         complaint = f"measures none of {', '.join(request.names)}; name one of {', '.join(others)}"
@@ -332,7 +332,7 @@ def apparatus_of_all(request: StudyRequest) -> dict[str, list[str]]:
     return groups
 
 
-def apparatus_of(observable: str, request: StudyRequest) -> str:
+def choose_apparatus(observable: str, request: StudyRequest) -> str:
     """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
     possible = sorted(
         templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*request.names})
@@ -352,7 +352,7 @@ def apparatus_of(observable: str, request: StudyRequest) -> str:
     return answer
 
 
-def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
+def apparatus_scene_text(request: StudyRequest, key: str, names: Sequence[str]) -> str:
     """Text of the scene of an apparatus that measures some observables of a table."""
     template, file, assume = TEMPLATES[key], request.table.file, request.interview.assume
     diameters, density = grain_diameters(request, template), None
@@ -361,12 +361,12 @@ def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
     used = [row for row in request.table.rows if row.observable in names and isfinite(row.value)]
     scales = [scale_between(row.unit, parse_unit("deg")) for row in used]
     angles = [scale.to_use(row.value) for row, scale in zip(used, scales, strict=True) if scale is not None]
-    safe = safe_grains(template, angles)
+    safe = least_grain_count(template, angles)
     grains = request.wishes.grains or safe
     if template.rows and grains < safe:
         assume(f"{grains:,} grains may be too few for these angles; {safe:,} are enough (--grains)")
     if density is None and GRAIN_DENSITY not in request.places.values():
-        assume(f"no column states the grain density: {template.usual_density:g} kg/m3 (--density)")
+        assume(f"no column states the grain density: {template.usual_grain_density:g} kg/m3 (--density)")
     if sized := [name for name in names if name in LENGTHS]:
         assume(
             f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
@@ -374,7 +374,7 @@ def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
         )
     notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared_conditions(request))
+    return scene_text(template, head, diameters, grains, density, extra_condition_units(request))
 
 
 def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
@@ -398,13 +398,13 @@ def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
 
 def stated_of_grains(option: str, said: str, place: str, unit: str, example: str) -> float:
     """A number of the grains as the user states it, in a unit. Raises BadInput outside what scenes allow."""
-    value, allowed = stated_number(said, unit, option, example), place_range(place)
-    if allowed is not None and not allowed.possible(value):
+    value, allowed = stated_number(said, unit, option, example), range_at(place)
+    if allowed is not None and not allowed.is_possible(value):
         raise BadInput(f"{option} '{said}': {value:g} {unit} is outside [{allowed.low:g}, {allowed.high:g}]")
     return value
 
 
-def options_for_table(wishes: NewStudyOptions) -> TableOptions:
+def table_options(wishes: NewStudyOptions) -> TableOptions:
     """What is said of the table, with conditions that are stated by a unit, and names of an own scene.
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
@@ -424,7 +424,7 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
     optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
     for text, place in said_of.conditions.items():
         unit = unit_in(place)
-        if unit is None or unit_of_path(place) is not None or place == NOT_USED:
+        if unit is None or unit_at_path(place) is not None or place == NOT_USED:
             conditions[text] = place
             continue
         conditions[text] = CONDITION + own_name(read_heading(text).name, (), 0)
@@ -445,20 +445,20 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
     )
 
 
-def undeclared_conditions(request: StudyRequest) -> dict[str, str]:
+def extra_condition_units(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
     units = {
-        path: unit for path, unit in request.table_options.own_units.items() if unit_of_path(path) is None
+        path: unit for path, unit in request.table_options.own_units.items() if unit_at_path(path) is None
     }
     units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
     return {path.removeprefix(CONDITION): unit for path, unit in units.items()}
 
 
-def own_template(file: Path, request: StudyRequest) -> Template:
+def template_of_own_scene(file: Path, request: StudyRequest) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    if lost := (undeclared := undeclared_conditions(request)).keys() - declared_units(file).keys():
+    if lost := (undeclared := extra_condition_units(request)).keys() - declared_units(file).keys():
         unit = undeclared[name := min(lost)]
-        entry = f'[conditions.extra] {key_text(name)} = {{ unit = "{unit}" }}'
+        entry = f'[conditions.extra] {toml_key(name)} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())
     pair = "-".join(2 * [max(scene.grains.parts.items(), key=lambda part: part[1].share)[0]])

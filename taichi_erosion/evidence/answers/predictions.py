@@ -17,15 +17,15 @@ from scipy import special
 
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.commands import bare as without_candidates
-from taichi_erosion.evidence.answers.commands import open_study, study_frame
+from taichi_erosion.evidence.answers.commands import common_answer_fields, open_study
 from taichi_erosion.evidence.answers.files import Document
-from taichi_erosion.evidence.answers.rounds import Question, answer_question, last_plan
-from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
+from taichi_erosion.evidence.answers.rounds import Question, answer_question, plans_to_try
+from taichi_erosion.evidence.data.held_out_rows import COUNTER, count_opening, read_counter, vault_openings
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, pick_rows
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
-from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
+from taichi_erosion.evidence.models.table_columns import NewConditions, condition_units, read_new_conditions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.outlook import (
     JointRows,
@@ -33,12 +33,12 @@ from taichi_erosion.evidence.race.outlook import (
     held_out_rows,
     joint_rows,
     leave_one_out,
-    new_rows,
+    rows_at,
 )
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
-from taichi_erosion.evidence.words.part_words import improves
+from taichi_erosion.evidence.words.part_words import misfit_falls
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
@@ -59,18 +59,18 @@ class PredictionReply:
         return self.about | RECORD.dump_python(self.record, mode="json")
 
     @property
-    def units(self) -> TableUnits:
+    def table_units(self) -> TableUnits:
         """Units of the study's table."""
         return TableUnits.of(self.about)
 
     def answer(self) -> Answer:
         """Sentences and table."""
-        return prediction_answer(self.record, self.about, self.units)
+        return prediction_answer(self.record, self.about, self.table_units)
 
 
 def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
     """The last predictions of a study; None if there are none in this format."""
-    document = files.read_document(files.document_file(folder, stem, "predict"))
+    document = files.read_document(files.answer_file(folder, stem, "predict"))
     if document is None or document.get("format") != files.FORMAT:
         return None
     record = RECORD.validate_python(document)
@@ -86,34 +86,34 @@ def predict_study(
     opened for it check the intervals; that is one opening more for each adopted model. Raises BadInput.
     """
     start = perf_counter()
-    chosen, outdated = (path, ()) if bare else adopted_study(path, options)
+    chosen, outdated = (path, ()) if bare else latest_adopted_study(path, options)
     with open_study(chosen, options) as study:
-        places = place_units(study.file, study.path, study.effect_files)
+        places = condition_units(study.file, study.path, study.effect_files)
         new = read_new_conditions(at, study.file, places, study.problem.measurements, study.path.parent)
         at_rows = zip(new.observable, *new.conditions.values(), strict=True)
         sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
         question = replace(
             Question("predict", without_candidates, lambda inference: [inference.about_bare], most_points=1),
-            query=lambda inference: query_rows(inference.posterior.race, new),
+            query=lambda inference: rows_to_predict(inference.posterior.race, new),
             query_sets=len(sets),
         )
-        inference, ready = answer_question(study, last_plan(study), question, progress)
+        inference, ready = answer_question(study, plans_to_try(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
         record = replace(
-            prediction(inference.posterior, new, opened, inference.query), new_runs=inference.query_runs
+            predict_new_rows(inference.posterior, new, opened, inference.query), new_runs=inference.query_runs
         )
         record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
-        name, count = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
-        if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
-            count = record_opening(study.results, study.drawn_from, name)
-        about = study_frame(ready, inference) | {"at": new.file, "vault_opened": count}
+        name, count = f"predict {study.path.stem}", vault_openings(study.results, study.vault_digest)
+        if opened and name not in read_counter(study.results / COUNTER).get(study.vault_digest, []):
+            count = count_opening(study.results, study.vault_digest, name)
+        about = common_answer_fields(ready, inference) | {"at": new.file, "vault_opened": count}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
-        files.write_document(files.document_file(study.results, study.path.stem, "predict"), reply.document)
+        files.write_document(files.answer_file(study.results, study.path.stem, "predict"), reply.document)
         return reply
 
 
-def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path, tuple[str, ...]]:
+def latest_adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path, tuple[str, ...]]:
     """The study that the last of several adoptions wrote, or the study itself.
 
     Comes with the effects of an adoption that answers no longer, since the study or its table has changed.
@@ -121,7 +121,7 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     for _ in range(LONGEST_CHAIN):
         study = load_study(path, options)
         last = files.read_reply(study.results, path.stem, "adopt")
-        if last is None or not improves(last.record):
+        if last is None or not misfit_falls(last.record):
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.named
@@ -132,14 +132,14 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     return path, ()
 
 
-def query_rows(race: Race, new: NewConditions) -> JointRows:
+def rows_to_predict(race: Race, new: NewConditions) -> JointRows:
     """Wanted rows of the fitted observables, with the model there."""
     finite = np.isin(new.observable, race.prepared.rows.names)
     chosen = NewConditions(**pick_rows({key: getattr(new, key) for key in ROW_WISE}, finite))
-    return joint_rows(race, new_rows(race.prepared, chosen))
+    return joint_rows(race, rows_at(race.prepared, chosen))
 
 
-def prediction(
+def predict_new_rows(
     posterior: Posterior, wanted: NewConditions, opened: bool = False, query: JointRows | None = None
 ) -> PredictionPart:
     """Predictions at new rows, and checks of their intervals.
@@ -150,10 +150,10 @@ def prediction(
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = check_of(forecast(posterior, joint_rows(posterior.race, vault)).below(), ~vault.censored)
+        held_out = coverage(forecast(posterior, joint_rows(posterior.race, vault)).below(), ~vault.censored)
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
-        fitted=check_of(leave_one_out(posterior), ~fitted.censored),
+        fitted=coverage(leave_one_out(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.extra),
         outdated=(),
@@ -167,15 +167,15 @@ def predicted_rows(
 ) -> Iterator[PredictedPart]:
     """Predictions of the wanted rows of fitted observables, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
-    place = new or query_rows(race, wanted)
+    place = new or rows_to_predict(race, wanted)
     names, groups = place.rows.names, place.rows.group
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     labels = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
     outlook, fit = forecast(posterior, place), race.bare
-    model, runs = place.model.sure_mean((), fit.v)[fit.mean.size :], place.runs
+    model, runs = place.model.precise_mean((), fit.v)[fit.mean.size :], place.runs
     model = model if runs is None else model + runs[1]
     units = dict(zip(table.observable, table.unit, strict=True))
-    means, single = outlook.intervals(outlook.mean), outlook.intervals(outlook.new_value)
+    means, single = outlook.forecast_intervals(outlook.mean), outlook.forecast_intervals(outlook.new_value)
     for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
         observable = place.rows.observables[place.rows.which[k]]
         yield PredictedPart(
@@ -185,17 +185,17 @@ def predicted_rows(
             condition_units={name: scale.unit for name, scale in wanted.scales.items()},
             unit=units[names[k]],
             **asdict(mean),
-            model=float(from_scale(observable, model[k : k + 1])[0]),
+            model=float(unscale(observable, model[k : k + 1])[0]),
             measured_low=min(mean.low, measured.low),  # of mixtures
             measured_high=max(mean.high, measured.high),
-            outside=dict(extrapolations(table, names[k], wanted, i)),
+            outside=dict(conditions_out_of_range(table, names[k], wanted, i)),
             group=groups[k],
             unseen=groups[k] not in labels,
             simulated=runs is not None and bool(runs[0][k] and np.isfinite(model[k])),
         )
 
 
-def extrapolations(
+def conditions_out_of_range(
     table: Measurements, observable: str, wanted: NewConditions, row: int
 ) -> Iterator[tuple[str, float]]:
     """Conditions of a new row outside the range in which its observable was measured, with its end."""
@@ -208,10 +208,10 @@ def extrapolations(
         end = float(np.clip(value, measured.min(), measured.max()))
         if abs(value - end) > 1e-9 * np.abs(measured).max():
             scale = wanted.scales.get(name, table.table_units.conditions.get(name, Scale()))
-            yield name, scale.to_table(end)
+            yield name, scale.to_unit_of_table(end)
 
 
-def check_of(below: Floats, counted: Bools) -> CheckPart:
+def coverage(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
     shares = below[counted & np.isfinite(below)]
     inside = int(np.sum(np.abs(shares - 0.5) <= 0.5 * SHARE))

@@ -20,29 +20,29 @@ from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.fresh_test import (
     CLOSER,
     after_runs,
+    answer_and_rivals,
     fresh_test,
-    kinds_of,
-    runs_at,
-    setting_of,
+    rounded,
+    simulate_untrained_rows,
 )
 from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
-from taichi_erosion.evidence.data.transforms import effect_of, is_strength
+from taichi_erosion.evidence.data.transforms import effect_at, is_strength
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import LEAST_DOSE, Setting
-from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
-from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, plan_cost, shares
+from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, most_test_runs
+from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, phase_shares, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, log_weight_of
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior, has_unexplained_misfit
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
 from taichi_erosion.evidence.record import FreshPart
-from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.load import read_text_of_file
 
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 4  # rounds beyond the planned ones, about effects or mechanisms that an answer requires
@@ -65,10 +65,10 @@ class StudyInference:
         """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
         points = []
         for fit in fits:
-            setting = setting_of(self.posterior.race, fit)
+            setting = rounded(self.posterior.race, fit)
             acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
             numbers = setting.parameters.items()
-            acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
+            acting |= {str(effect_at(path)): value for path, value in numbers if is_strength(path)}
             plain = {path: value for path, value in numbers if not is_strength(path)}
             points += [replace(setting, parameters=plain, effects=acting)] * (1 + bool(setting.doses))
         return points
@@ -99,10 +99,10 @@ def discovery_question(
 ) -> Question:
     """Which effect is missing; without a test, which measurements would tell."""
     name, names = "discover" if tested else "next", study.problem.candidate_names
-    return Question(name, answer, points, names, missing=True, tested=tested)
+    return Question(name, answer, likeliest_explanation_points, names, missing=True, tested=tested)
 
 
-def sets(posterior: Posterior) -> Mapping[Acting, float]:
+def probability_of_sets(posterior: Posterior) -> Mapping[Acting, float]:
     """Probability of every set of effects and mechanisms, likeliest first, whatever is beside them."""
     probabilities: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
@@ -113,7 +113,7 @@ def sets(posterior: Posterior) -> Mapping[Acting, float]:
 
 def closest(race: Race, names: Acting) -> Fit:
     """The likeliest fit with exactly some effects and mechanisms."""
-    return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=score)
+    return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=log_weight_of)
 
 
 def has_open_question(decision: Decision) -> bool:
@@ -133,25 +133,25 @@ def is_final(inference: StudyInference) -> bool:
     return not has_open_question(inference.decision) and not doubted
 
 
-def points(inference: StudyInference) -> Points:
+def likeliest_explanation_points(inference: StudyInference) -> Points:
     """The likeliest explanations, the bare model first; none where more runs decide nothing."""
-    plausible = [names for names, p in sets(inference.posterior).items() if p >= KEEP]
+    plausible = [names for names, p in probability_of_sets(inference.posterior).items() if p >= KEEP]
     if not has_open_question(inference.decision) or len(plausible) < 2:
         return []
     race = inference.posterior.race
     return inference.about(*(closest(race, names) for names in sorted(plausible[:MOST_POINTS], key=bool)))
 
 
-def required_points(inference: StudyInference) -> Points:
+def points_before_unlisted_verdict(inference: StudyInference) -> Points:
     """Before it is said that no list holds what acts: the closest effect and set, or likely mechanisms."""
     if inference.decision.verdict != "outside_library":
         return []
-    race, share = inference.posterior.race, sets(inference.posterior)
+    race, share = inference.posterior.race, probability_of_sets(inference.posterior)
     fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
         return inference.about(*dosed[:MOST_POINTS])
-    optima = [[f for f in race.sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
-    return inference.about(*(max(kind, key=score) for kind in optima if kind))
+    optima = [[f for f in race.effect_sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
+    return inference.about(*(max(kind, key=log_weight_of) for kind in optima if kind))
 
 
 def answer_question(
@@ -163,10 +163,10 @@ def answer_question(
     """
     budget, *larger = plans
     share = [1.0] * len(plans)
-    inference, ready = answer_by_plan(budget, study, question, part_of(progress, share, 0))
+    inference, ready = answer_by_plan(budget, study, question, phase_progress(progress, share, 0))
     if larger and ready.simulations is not None and not (is_final(inference) or blocks_verdict(ready.faults)):
         study.options.announce("These runs do not decide; more are made.")
-        return answer_question(study, larger, question, part_of(progress, share, 1))
+        return answer_question(study, larger, question, phase_progress(progress, share, 1))
     return inference, replace(ready, options=replace(ready.options, budget=budget))
 
 
@@ -185,33 +185,33 @@ def answer_by_plan(
         return question.answer(study, progress), study
     refuse_blocked(study, bool(question.effects) and question.name != "next")  # which asks for the rows
     key = f"{study.fresh}{question.name} {budget}"
-    runs, own_rounds, earlier = with_stored_rounds(first, key)
+    runs, own_rounds, earlier = add_stored_rounds(first, key)
     room = max(runs.plan_size.rounds - len(own_rounds), 0)
-    cost = plan_cost(runs, room, question.most_points, test_cost(runs, question, own_rounds, key))
+    cost = plan_cost(runs, room, question.most_points, most_runs(runs, question, own_rounds, key))
     if cost.seconds >= WORTH_TELLING:
-        study.options.announce(cost.sentence)
+        study.options.announce(cost.cost_text)
     phases, phase = cost.phases, 0
     while True:
-        ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
-        inference = question.answer(ready, part_of(progress, phases, phase + 1))
+        ready = training_runs.replace_scenes_by_emulator(runs, phase_progress(progress, phases, phase))
+        inference = question.answer(ready, phase_progress(progress, phases, phase + 1))
         phase += 2
-        while (about := next_points(runs, question, inference, own_rounds, earlier)) == []:
+        while (about := points_of_next_round(runs, question, inference, own_rounds, earlier)) == []:
             own_rounds.append([])  # a round about nothing new changes no answer
         if about is not None:
-            runs = training_runs.refined_training_runs(runs, about, f"{key}|{len(own_rounds)}")
+            runs = training_runs.add_refinement_round(runs, about, f"{key}|{len(own_rounds)}")
             own_rounds.append(about)
-            write_rounds(study, {**read_rounds(study), key: own_rounds})
+            write_rounds(study, {**earlier_points(study), key: own_rounds})
             continue
-        write_rounds(study, {**read_rounds(study), key: own_rounds})
-        if (wider := wider_runs(runs, ready, question, inference)) is None:
-            steps = part_of(progress, phases, len(phases) - 1)
-            return with_fresh_runs(question, inference, ready, runs, key, steps)
-        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, test_cost(wider, question, own_rounds, key))
-        study.options.announce(f"No listed effect suffices. {cost.sentence}")
+        write_rounds(study, {**earlier_points(study), key: own_rounds})
+        if (wider := add_mechanism_runs(runs, ready, question, inference)) is None:
+            steps = phase_progress(progress, phases, len(phases) - 1)
+            return test_answer_by_runs(question, inference, ready, runs, key, steps)
+        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, most_runs(wider, question, own_rounds, key))
+        study.options.announce(f"No listed effect suffices. {cost.cost_text}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
 
 
-def wider_runs(
+def add_mechanism_runs(
     runs: TrainingRuns, ready: Study, question: Question, inference: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
@@ -219,21 +219,21 @@ def wider_runs(
         return None
     if not has_unexplained_misfit(inference.posterior.race):
         return None
-    wider = training_runs.with_mechanisms(runs)
-    return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
+    wider = training_runs.add_dose_runs(runs)
+    return wider if wider.mechanisms and training_runs.runs_left(wider) >= 0 else None
 
 
-def test_cost(runs: TrainingRuns, question: Question, rounds: list[Points], key: str) -> int:
+def most_runs(runs: TrainingRuns, question: Question, rounds: list[Points], key: str) -> int:
     """Most runs that end an answer; none where it was tested after the same rounds."""
     if question.query is not None:
         return question.query_sets * runs.plan_size.fresh
-    count = stored_rounds(runs.study)["fresh"].get(key)
+    count = read_rounds_file(runs.study)["fresh"].get(key)
     if not question.tested or (count is not None and count["rounds"] == len(rounds)):
         return 0
-    return fresh_count(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
+    return most_test_runs(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
 
 
-def with_fresh_runs(
+def test_answer_by_runs(
     question: Question,
     inference: StudyInference,
     ready: Study,
@@ -250,21 +250,21 @@ def with_fresh_runs(
         question.tested and (decision.named or decision.group or decision.acting_mechanisms)
     ):
         return inference, ready
-    study, stored, rounds = runs.study, stored_rounds(runs.study)["fresh"], read_rounds(runs.study)
+    study, stored, rounds = runs.study, read_rounds_file(runs.study)["fresh"], earlier_points(runs.study)
     mapping, race = ready.problem.model, inference.posterior.race
     assert isinstance(mapping, NameMapping)
     new_keys = frozenset(run for entry in stored.values() for run in entry["runs"])
     simulator = FreshSimulator(runs, mapping, new_keys, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
-        rows, keys = runs_at(question.query(inference), simulator, progress)
+        rows, keys = simulate_untrained_rows(question.query(inference), simulator, progress)
         inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, keys = fresh_test(inference.posterior, decision, simulator.simulate, progress)
+        part, keys = fresh_test(inference.posterior, decision, simulator.simulate_settings, progress)
         inference = replace(inference, decision=after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
-        about = inference.about(*(kind.fits[0] for kind in kinds_of(race, decision)))
-        if training_runs.within_budget(runs, about):
+        about = inference.about(*(kind.fits[0] for kind in answer_and_rivals(race, decision)))
+        if training_runs.has_room_for_round(runs, about):
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
     inference = replace(inference, fresh=part)
@@ -275,11 +275,9 @@ def with_fresh_runs(
     return inference, replace(ready, simulations=(ready.simulations or 0) + len(keys))
 
 
-def with_stored_rounds(
-    runs: TrainingRuns, key: str
-) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
+def add_stored_rounds(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
     """Runs with those of earlier rounds; rounds of one question, effects of others by the same plan."""
-    study, rounds = runs.study, read_rounds(runs.study)
+    study, rounds = runs.study, earlier_points(runs.study)
     budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
     past = {
@@ -290,15 +288,15 @@ def with_stored_rounds(
         for number, about in enumerate(series):
             spent = name.rpartition(" ")[2]
             if not runs.mechanisms and has_doses(about):
-                runs = training_runs.with_mechanisms(runs)
-            runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
-    tests = {run for entry in stored_rounds(study)["fresh"].values() for run in entry["runs"]}
+                runs = training_runs.add_dose_runs(runs)
+            runs = training_runs.add_refinement_round(runs, about, f"{name}|{number}", spent)
+    tests = {run for entry in read_rounds_file(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, other_runs=runs.other_runs + len(tests))
     alike = [series for name, series in past.items() if name.endswith(budget)]
     return runs, own_rounds, {acting(point) for series in alike for about in series for point in about}
 
 
-def next_points(
+def points_of_next_round(
     runs: TrainingRuns,
     question: Question,
     inference: StudyInference,
@@ -308,15 +306,15 @@ def next_points(
     """Points of the next round, none where the cap has no room for it; None where the answer counts."""
     if len(own_rounds) < runs.plan_size.rounds:
         about = [point for point in question.points(inference) if acting(point) not in earlier]
-        return about if training_runs.within_budget(runs, about) else []
+        return about if training_runs.has_room_for_round(runs, about) else []
     signatures = earlier | {acting(point) for about in own_rounds for point in about}
-    needed = required_points(inference) if question.missing else []
+    needed = points_before_unlisted_verdict(inference) if question.missing else []
     about = [point for point in needed if acting(point) not in signatures]
     alike = [
         points for points in own_rounds[runs.plan_size.rounds :] if has_doses(points) == has_doses(about)
     ]
     is_complete = len(alike) >= MOST_REQUIRED
-    return None if is_complete or not about or not training_runs.within_budget(runs, about) else about
+    return None if is_complete or not about or not training_runs.has_room_for_round(runs, about) else about
 
 
 def has_doses(about: Points) -> bool:
@@ -324,9 +322,9 @@ def has_doses(about: Points) -> bool:
     return any(point.doses for point in about)
 
 
-def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
+def phase_progress(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
     """Progress of one phase as part of the whole plan."""
-    before, weight = shares(phases, phase)
+    before, weight = phase_shares(phases, phase)
     return lambda words, share: progress(words, before + weight * share)
 
 
@@ -340,18 +338,18 @@ def acting(point: Setting) -> frozenset[str]:
     return frozenset(names)
 
 
-def stored_rounds(study: Study) -> Mapping[str, Any]:
+def read_rounds_file(study: Study) -> Mapping[str, Any]:
     """Rounds and fresh runs by question, as stored; none where the study or its table has changed since."""
     document = files.read_document(rounds_file(study))
-    same = document is not None and document.get("of") == state_of(study)
+    same = document is not None and document.get("of") == study_digest(study)
     return {"rounds": {}, "fresh": {}} | (document if document is not None and same else {})
 
 
-def read_rounds(study: Study) -> Rounds:
+def earlier_points(study: Study) -> Rounds:
     """Points of earlier rounds."""
     return {
         name: [[Setting(**entry) for entry in about] for about in entries]
-        for name, entries in stored_rounds(study)["rounds"].items()
+        for name, entries in read_rounds_file(study)["rounds"].items()
     }
 
 
@@ -360,22 +358,22 @@ def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None =
     plain = {
         name: [[asdict(point) for point in about] for about in series] for name, series in rounds.items()
     }
-    tests = stored_rounds(study)["fresh"] if fresh is None else dict(fresh)
-    files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})
+    tests = read_rounds_file(study)["fresh"] if fresh is None else dict(fresh)
+    files.write_document(rounds_file(study), {"of": study_digest(study), "rounds": plain, "fresh": tests})
 
 
 def rounds_file(study: Study) -> Path:
     """What the rounds of a study were about."""
-    return files.document_file(study.results, study.path.stem, files.ROUNDS)
+    return files.answer_file(study.results, study.path.stem, files.ROUNDS)
 
 
-def state_of(study: Study) -> str:
+def study_digest(study: Study) -> str:
     """Digest of a study file and its measurements; a round serves an effect file that joins them too."""
-    digest = f"{study.digest}|{file_text(study.path, str(study.path))}"
+    digest = f"{study.digest}|{read_text_of_file(study.path, str(study.path))}"
     return sha256(digest.encode()).hexdigest()[:16]
 
 
-def last_plan(study: Study) -> Sequence[BudgetName]:
+def plans_to_try(study: Study) -> Sequence[BudgetName]:
     """Plan that was asked for, else that of the last discovery: its runs are there already."""
     if study.options.budget is not None:
         return (study.options.budget,)

@@ -17,7 +17,7 @@ from taichi_erosion.campaign.study_file import set_comment
 from taichi_erosion.evidence.data.tables.column_roles import AIR
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
-from taichi_erosion.scene.load import SCENES, toml_table
+from taichi_erosion.scene.load import SCENES, read_toml
 from taichi_erosion.scene.schema.scene import Gravity
 from taichi_erosion.tables.headings import DIAMETER, FRICTION_VELOCITY, GRAIN_CONTACT, GRAIN_DENSITY
 
@@ -80,20 +80,20 @@ class Template:
     wind: tuple[str, ...] = ()  # places that a column of friction velocities sets beside its condition
 
     @property
-    def pair(self) -> str:
+    def grain_material_pair(self) -> str:
         """Pair of materials of grains on each other, as scenes name it."""
         return self.parameters[0].path.split(".")[1]
 
     @property
-    def density(self) -> str:
+    def grain_density_path(self) -> str:
         """Place of the density of its grains."""
-        return f"materials.{self.pair.partition('-')[0]}.density"
+        return f"materials.{self.grain_material_pair.partition('-')[0]}.density"
 
     @property
-    def usual_density(self) -> float:
+    def usual_grain_density(self) -> float:
         """Density of the grains of the program's scene [kg m-3]."""
-        materials = toml_table(SCENES / f"{self.scene}.toml")["materials"]
-        return float(materials[self.density.split(".")[1]]["density"])
+        materials = read_toml(SCENES / f"{self.scene}.toml")["materials"]
+        return float(materials[self.grain_density_path.split(".")[1]]["density"])
 
 
 def contact(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
@@ -107,7 +107,7 @@ def contact(pair: str, sliding: float, rolling: float | None) -> tuple[Calibrate
     return tuple(numbers)
 
 
-def lifted_cylinder(diameter: float, grains: int) -> Changes:
+def lifted_cylinder_changes(diameter: float, grains: int) -> Changes:
     """Tube, plate and lift that grow with the heap."""
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
@@ -123,7 +123,7 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     }
 
 
-def collapsed_column(diameter: float, grains: int) -> Changes:
+def column_collapse_changes(diameter: float, grains: int) -> Changes:
     """Tube that grows with the heap; all else counts in diameters already."""
     size = (grains / 1800) ** (1.0 / 3.0)
     return {
@@ -134,7 +134,7 @@ def collapsed_column(diameter: float, grains: int) -> Changes:
     }
 
 
-def funnel(diameter: float, grains: int) -> Changes:
+def funnel_changes(diameter: float, grains: int) -> Changes:
     """The funnel as it is, higher for a larger heap, whose grains take longer to pass its outlet.
 
     Grains that are thrown bounce up to those that enter, and stop the run (doe/heap_size): they are poured.
@@ -158,7 +158,7 @@ TEMPLATES = {
         "lifting_cylinder",
         "a cylinder that is lifted slowly",
         ("repose_angle", *LENGTHS),
-        lifted_cylinder,
+        lifted_cylinder_changes,
         *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
@@ -166,7 +166,7 @@ TEMPLATES = {
         "column_collapse",
         "a column whose tube vanishes",
         ("angle_of_repose", "runout_radius", *HEAP),
-        collapsed_column,
+        column_collapse_changes,
         *(contact("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
@@ -174,7 +174,7 @@ TEMPLATES = {
         "funnel_repose",
         "a funnel",
         ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
-        funnel,
+        funnel_changes,
         *(contact("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
@@ -227,7 +227,7 @@ def templates_for(observable: str) -> list[str]:
     return [name for name, template in TEMPLATES.items() if observable in template.observables]
 
 
-def safe_grains(template: Template, angles: Sequence[float]) -> int:
+def least_grain_count(template: Template, angles: Sequence[float]) -> int:
     """Grains that a heap needs for its measure, down to somewhat flatter than the flattest measured one."""
     if not template.rows or not angles:
         return template.grains
@@ -250,7 +250,7 @@ def scene_text(
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
     middle, largest = (float(f"{each:.4g}") for each in (median(diameters), max(diameters)))
-    entries, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
+    entries, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_grain_density
     suits, wind = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}, "wind"
     patch = {k: float(f"{v:.2g}") for k, v in suits.items() if float(document.get(wind, {}).get(k, inf)) < v}
     changes = {
@@ -264,7 +264,7 @@ def scene_text(
         },
         **{f"scene.{key}": text for key, text in head.items()},
         **{f"{wind}.{name}": value for name, value in patch.items()},
-        **({} if density is None else {template.density: density}),
+        **({} if density is None else {template.grain_density_path: density}),
         **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }
     for path, value in changes.items():
@@ -295,14 +295,14 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
     set_comment(holder[last], "")
 
 
-def places_of(template: Template, place: str) -> str:
+def paths_of_place(template: Template, place: str) -> str:
     """Places of the scene that a column sets, given the one that its heading means."""
     if place == DIAMETER and not template.varies:
         return "conditions.diameter"
     if place == GRAIN_DENSITY:
-        return template.density
+        return template.grain_density_path
     if place.startswith(GRAIN_CONTACT):
-        return f"contact.{template.pair}.{place.removeprefix(GRAIN_CONTACT)}"
+        return f"contact.{template.grain_material_pair}.{place.removeprefix(GRAIN_CONTACT)}"
     if place == FRICTION_VELOCITY and template.wind:
         return ", ".join((FRICTION_VELOCITY, *template.wind))
     return place

@@ -8,18 +8,18 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_cells
 from taichi_erosion.evidence.data.held_out_rows import SPARE
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
-from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.load_study import Study, first_study
+from taichi_erosion.evidence.data.transforms import unscale
+from taichi_erosion.evidence.models.load_study import Study, first_study_of_adoptions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_text
+from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_mistake_text
 from taichi_erosion.execution.observables import small_heap
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.number_words import plain
-from taichi_erosion.tables.spreadsheet import source_digest
+from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
@@ -35,36 +35,36 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
 
     `study new` corrects the table that adopted studies share, and writes its digest into the first of them.
     """
-    path, first = first_study(study.path, study.file)
+    path, first = first_study_of_adoptions(study.path, study.file)
     same = first.study.measurements == study.file.study.measurements and path.parent == study.path.parent
     head = first.study if same else study.file.study
     source = study.path.parent / (head.made_from or "")
-    if source.is_file() and source_digest(source) != head.made_from_digest:
+    if source.is_file() and laboratory_table_digest(source) != head.made_from_digest:
         yield SetUpFault("source_changed", "table", FAULTS["source_changed"].format(source.name), False)
 
 
 def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
-    if not comparison_rows(study.problem, study.problem.visible()).has_noise.any():
+    if not comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
         raise BadInput(f"{study.file.study.measurements}: {UNKNOWN_SCATTER}")
 
 
 def refuse_blocked(study: Study, needs_rows: bool) -> None:
     """Raises BadInput for faults that keep an answer of scenes waiting, before its runs are spent."""
-    faults = (*(study.faults if needs_rows else ()), *small_heaps(study))
+    faults = (*(study.faults if needs_rows else ()), *small_heap_faults(study))
     lines = [f"{study.path}: {each.sentence}; --force goes on" for each in faults if each.blocks]
     if lines and not study.options.force:
         raise BadInput(*lines)
 
 
-def small_heaps(study: Study) -> Iterator[SetUpFault]:
+def small_heap_faults(study: Study) -> Iterator[SetUpFault]:
     """Heaps of too few grains for every angle of the table."""
     table, simulator = study.problem.measurements, study.simulator
     assert simulator is not None
     for name, measure in simulator.measures.items():
         factor = conversion(parse_unit(measure.unit), parse_unit("deg")) or 1.0
         angles = factor * table.value[np.array(table.observable) == name]
-        words = small_heap(simulator.scene(measure.scene), measure.measure, angles)
+        words = small_heap(simulator.load_scene_at(measure.scene), measure.measure, angles)
         if words and not study.file.observables[name].same_size:
             yield SetUpFault("too_small", name, f"{name}: {words}", True)
 
@@ -74,20 +74,20 @@ def unit_faults(race: Race) -> Iterator[SetUpFault]:
     rows, mean = race.prepared.rows, race.bare.mean
     for index, observable in enumerate(rows.observables):
         mask = (rows.which == index) & ~rows.censored
-        measured, predicted = (from_scale(observable, values[mask]) for values in (rows.z, mean))
+        measured, predicted = (unscale(observable, values[mask]) for values in (rows.z, mean))
         sound = (measured > 0.0) & (predicted > 0.0)
         ratio = float(np.median(measured[sound] / predicted[sound])) if sound.any() else 1.0
         if observable.transform != "log_floor" and not 1.0 / FAR_OFF < ratio < FAR_OFF:
-            words = FAULTS["unit"].format(observable.name, plain(ratio, 2), unit_text(ratio))
+            words = FAULTS["unit"].format(observable.name, plain(ratio, 2), unit_mistake_text(ratio))
             yield SetUpFault("unit", observable.name, words, True)
 
 
 def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
     """What the table of a study cannot carry, known before its model is asked."""
-    return (*disagreements(problem), *row_faults(problem))
+    return (*disagreement_faults(problem), *too_few_rows_faults(problem))
 
 
-def disagreements(problem: Problem) -> Iterator[SetUpFault]:
+def disagreement_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Repeats, held-out rows included, of which one is wrong, or that differ more than is stated."""
     table = problem.measurements
     rows = comparison_rows(problem, table)
@@ -101,10 +101,10 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
 
 
-def row_faults(problem: Problem) -> Iterator[SetUpFault]:
+def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Fewer rows under different conditions than tell apart what may act; a soil has numbers of its own."""
-    table, calibrated = problem.visible(), len(problem.parameters) + len(problem.adopted)
-    cells = condition_numbers(table)
+    table, calibrated = problem.visible_rows(), len(problem.parameters) + len(problem.adopted)
+    cells = condition_cells(table)
     points = len(set(zip(table.observable, cells, strict=True)))
     sets = [group for group, _ in {*zip(table.group, cells, strict=True)}]
     calibrated += max(len({group for group in sets if sets.count(group) > 1}) - 1, 0)

@@ -18,14 +18,14 @@ import numpy as np
 from scipy import special
 
 from taichi_erosion.evidence import record as parts
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, join_rows, tested_by_repeats
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, join_rows, repeat_fit_p
 from taichi_erosion.evidence.data.problem import Floats, Observable
-from taichi_erosion.evidence.data.transforms import axis_position, axis_value, from_scale
-from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.data.transforms import axis_position, axis_value, unscale
+from taichi_erosion.evidence.models.predictor import axis_scale_of
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.adequacy import chi2, is_adequate, misfit_p, residual
+from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate, misfit_p_value, residual
 from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
-from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
+from taichi_erosion.evidence.race.decision import Decision, decide_cause, fit_of_decision
 from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
@@ -41,28 +41,28 @@ POWERS = 4  # of a condition, beside which another one has a trend of its own
 
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
-    decision_used, race = decision or decide(posterior), posterior.race
-    after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
-    sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
+    decision_used, race = decision or decide_cause(posterior), posterior.race
+    after, bare, model = fit_of_decision(posterior, decision_used), race.bare, race.model
+    sound = is_adequate(posterior.best_fit)  # else what is missing looks like an error of rows and levels
     return Record(
-        **vars(decision_used.part),
+        **vars(decision_used.decision_record),
         effects={name: effect_part(posterior, decision_used, name) for name in model.candidates},
         mechanisms=mechanism_parts(decision_used),
         parameters=parameter_parts(posterior),
-        levels=tuple(level_parts(posterior)) if sound else (),
+        levels=tuple(observable_level_parts(posterior)) if sound else (),
         errors=tuple(error_parts(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
-        repeats=tuple(repeat_parts(race, after)),
+        repeats=tuple(repeat_disagreement_parts(race, after)),
         n=race.prepared.rows.size,
-        chi2_before=chi2(bare),
-        chi2_after=chi2(after),
-        p_misfit=misfit_p(bare, levels=False),
-        p_misfit_after=misfit_p(after, levels=True),
+        chi2_before=chi_square_of_fit(bare),
+        chi2_after=chi_square_of_fit(after),
+        p_misfit=misfit_p_value(bare, levels=False),
+        p_misfit_after=misfit_p_value(after, levels=True),
         p_lack_of_fit=lack_of_fit_p(race, bare),
         p_lack_of_fit_after=lack_of_fit_p(race, after),
-        where=tuple(places(race, bare)),
-        rows=rows_part(race, bare, after),
-        curves=tuple(curve_parts(posterior, decision_used)),
+        where=tuple(residual_trend_parts(race, bare)),
+        rows=measured_and_predicted_rows(race, bare, after),
+        curves=tuple(unlisted_curve_parts(posterior, decision_used)),
         settings=model.settings,
         runs=race.prepared.predictor.cost.runs,
         stopped="budget" if race.out_of_budget else "",
@@ -73,24 +73,24 @@ def mechanism_parts(decided: parts.DecisionPart, law: Law | None = None) -> dict
     """Mechanisms that may act, and the one of which a law is known."""
     shares, names = decided.probabilities, decided.acting_mechanisms
     alone = {name: parts.MechanismPart(shares.get(name, 0.0)) for name in names}
-    return alone | ({law[0]: law_part(law, shares.get(law[0], 0.0))} if law else {})
+    return alone | ({law[0]: mechanism_part_with_law(law, shares.get(law[0], 0.0))} if law else {})
 
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
     """Scatter of single measurements, and whether repeated rows gave it or check what is stated."""
-    for observable, mask in race.prepared.by_observable():
-        scatter, kind = race.prepared.rows.noise[observable.name].scatter, kind_of(observable)
+    for observable, mask in race.prepared.observables_with_row_masks():
+        scatter, kind = race.prepared.rows.noise[observable.name].scatter, difference_kind(observable)
         slope = float(np.median(race.prepared.rows.slope[mask])) if kind == "offset" else 1.0
         sd = float(np.sqrt(np.nanmedian(scatter.variance))) / slope
         yield parts.ScatterPart(observable.name, kind, sd, int(scatter.pure[1]), scatter.factor)
 
 
-def kind_of(observable: Observable) -> Literal["factor", "offset"]:
+def difference_kind(observable: Observable) -> Literal["factor", "offset"]:
     """What a difference on the comparison scale is."""
     return "offset" if observable.transform == "identity" else "factor"
 
 
-def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
+def repeat_disagreement_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
     """Repeats that disagree grossly, and which of them the told model does not expect."""
     rows = race.prepared.rows
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
@@ -105,16 +105,16 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
 def lack_of_fit_p(race: Race, fit: Fit) -> float:
     """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
     p = race.prepared
-    slopes, bad = p.white(fit.jacobian), list(fit.evidence.bad)
+    slopes, bad = p.whiten(fit.jacobian), list(fit.evidence.bad)
     leverage = np.einsum(
         "ij,ij->i", slopes, np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T).T
     )
     remainder = residual(fit)
     leverage[bad], remainder[bad] = 1.0, 0.0
-    return tested_by_repeats(p.rows, p.variance, remainder, leverage)
+    return repeat_fit_p(p.rows, p.variance, remainder, leverage)
 
 
-def interval(values: Floats, weight: Floats) -> Interval:
+def weighted_interval(values: Floats, weight: Floats) -> Interval:
     """Median and 90 % interval of weighted draws."""
     low, middle, high = quantiles(values, weight)
     return Interval(float(middle), float(low), float(high))
@@ -122,12 +122,12 @@ def interval(values: Floats, weight: Floats) -> Interval:
 
 def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
-    (values, weight), model, bare = posterior.numbers, posterior.race.model, posterior.race.bare
-    sd, numbers = np.sqrt(np.diag(bare.covariance)), {}
-    before = np.array([model.unit_values(bare.target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
-    least, most = (model.unit_values(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
-    for j, axis in enumerate(posterior.race.prepared.axes):
-        now = interval(values[:, j], weight)
+    (values, weight), model, bare = posterior.number_draws, posterior.race.model, posterior.race.bare
+    sd, numbers = np.sqrt(np.diag(bare.setting_covariance)), {}
+    before = np.array([model.in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
+    least, most = (model.in_units(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
+    for j, axis in enumerate(posterior.race.prepared.parameter_axes):
+        now = weighted_interval(values[:, j], weight)
         at, tenth = axis_position(axis, now.value), 0.1 * (axis.high - axis.low)
         at_end = bool(np.isfinite(tenth) and not axis.low + tenth < at < axis.high - tenth)
         share = (now.high - now.low) / float(most[j] - least[j])
@@ -145,22 +145,22 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     """One candidate, from its explanations and its signature about the likeliest explanation without it."""
     race, most = posterior.race, posterior.race.model.candidates[name].maximum
     bare, single = race.bare, race.fits.get(Hypothesis((name,)))
-    strength, share = interval(*posterior.strength(name)), decision.inclusion[name]
+    strength, share = weighted_interval(*posterior.strength_draws(name)), decision.inclusion[name]
     if single is None:
         return parts.EffectPart("untestable", share, *vars(strength).values(), most=most)
-    about = posterior.best
+    about = posterior.best_fit
     if name in about.hypothesis.names or about.dose is not None:
         about = bare
-    column = race.prepared.white(signature(race, about, name))
-    action, gram = about.evidence.solution.against(column[:, np.newaxis])
-    alone = float(column @ (about.evidence.solution.row_share * column))
+    column = race.prepared.whiten(effect_signature(race, about, name))
+    action, gram = about.evidence.solution.project(column[:, np.newaxis])
+    alone = float(column @ (about.evidence.solution.inverse_variance_of_rows * column))
     information = max(float(gram[0, 0]), 1e-12)
     sd = information**-0.5
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
-    status, unseen = status_of(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
+    status, unseen = effect_status(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
     above = [success for strength, success in race.model.candidates[name].trials if strength >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
@@ -169,12 +169,12 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     return parts.EffectPart(status, share, value, low, high, *numbers, alike, most)
 
 
-def signature(race: Race, about: Fit, name: str) -> Floats:
+def effect_signature(race: Race, about: Fit, name: str) -> Floats:
     """Change (n,) per unit of strength beside a fit, at the end of a budget alone; 0 without a value."""
     model, names = race.model, tuple(sorted((*about.hypothesis.names, name)))
     v = np.insert(about.v, model.count + names.index(name), 0.0)
     try:
-        change = model.mean(names, v) - model.mean(about.hypothesis.names, about.v)
+        change = model.predict_mean(names, v) - model.predict_mean(about.hypothesis.names, about.v)
     except BudgetSpentError:
         single = race.fits[Hypothesis((name,))]
         steps = np.array([model.strength(name, float(single.v[-1]) + h) for h in (-0.05, 0.05)])
@@ -182,7 +182,7 @@ def signature(race: Race, about: Fit, name: str) -> Floats:
     return np.nan_to_num(change) / model.strength(name, 0.0)
 
 
-def status_of(
+def effect_status(
     name: str, decision: Decision, factor: float, limit: float, most: float, absorption: float
 ) -> parts.Status:
     """What these measurements say of a candidate."""
@@ -197,7 +197,7 @@ def status_of(
     return "untestable" if absorption > SURE or most < limit < np.inf else "open"
 
 
-def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.CurvePart]:
+def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.CurvePart]:
     """What something unlisted does along each condition with which it acts for SURE, against its first value.
 
     It is all that the rows show, no effect beside it.
@@ -214,19 +214,19 @@ def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.Curv
             if acts < SURE or block.kind != "unlisted" or points.size < 2:
                 continue
             some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
-            curve = curve_part(name, fit, points[some], index, rows)
+            curve = curve_shape(name, fit, points[some], index, rows)
             if curve.shape != "varies":
                 yield curve
 
 
-def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
+def curve_shape(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
     """A curve with its shape: differences between its turn and its ends count beyond 90 %.
 
     It is the mean of a block over the other conditions of the rows, the same at each point.
     """
     now, block = fit.evidence.solution, fit.blocks[index]
     measured = np.flatnonzero(np.array(rows.names) == block.observable)
-    some = rows.rows(np.sort(np.random.default_rng(SEED).permutation(measured)[:MOST_ROWS]))
+    some = rows.select_rows(np.sort(np.random.default_rng(SEED).permutation(measured)[:MOST_ROWS]))
     set_to = ({**some.conditions, along: np.full(some.size, x)} for x in points)
     both = join_rows([rows, *(replace(some, conditions=each) for each in set_to)])
     mask, inside = np.arange(both.size) < rows.size, now.rows.block == index
@@ -237,36 +237,36 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
     mean = columns @ now.centre[inside]
     covariance = columns @ now.inverse[np.ix_(inside, inside)] @ columns.T + beyond @ beyond.T
 
-    def sign(i: int, j: int) -> int:
+    def sign_of_difference(i: int, j: int) -> int:
         gap, sd = mean[i] - mean[j], np.sqrt(covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j])
         return int(np.sign(gap)) if abs(gap) > ONE_SIDED * sd else 0
 
     last, top, bottom = points.size - 1, int(np.argmax(mean)), int(np.argmin(mean))
     ways: dict[int, parts.Shape] = {1: "rises", -1: "falls", 0: "varies"}
     turns: tuple[tuple[parts.Shape, int, int], ...] = (("peak", top, 1), ("trough", bottom, -1))
-    shape, turn = ways[sign(last, 0)], nan
+    shape, turn = ways[sign_of_difference(last, 0)], nan
     for name, at, way in turns:
-        if 0 < at < last and sign(at, 0) == way == sign(at, last):
+        if 0 < at < last and sign_of_difference(at, 0) == way == sign_of_difference(at, last):
             shape, turn = name, float(points[at])
     half = ONE_SIDED * np.sqrt(np.diag(covariance))
     ends = np.array([mean, mean - half, mean + half]).T
-    kind = kind_of(rows.observables[rows.which[measured[0]]])
+    kind = difference_kind(rows.observables[rows.which[measured[0]]])
     ends = ends if kind == "offset" else np.exp(ends)
     places = (parts.PointPart(*e, at=x) for x, e in zip(points.tolist(), ends.tolist(), strict=True))
     return parts.CurvePart(block.observable, along, kind, shape, turn, tuple(places))
 
 
-def law_part(law: Law, probability: float) -> parts.MechanismPart:
+def mechanism_part_with_law(law: Law, probability: float) -> parts.MechanismPart:
     """A mechanism with the doses of its law, and the law with its intervals."""
     mechanism, best, share = law
-    form, draws = best.form, best.draws()
-    numbers = dict(zip(("a", *form.names), map(law_interval, best.numbers, draws.T), strict=True))
+    form, draws = best.form, best.draw_numbers()
+    numbers = dict(zip(("a", *form.names), map(best_value_interval, best.numbers, draws.T), strict=True))
     values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
     columns = [best.rows.conditions[name].tolist() for name in form.conditions]
     at = sorted(set(zip(*columns, strict=True))) or [()]
     sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
     spread = np.array([form.dose(sets, each) for each in draws]).T
-    sizes = map(law_interval, form.dose(sets, best.numbers), spread)
+    sizes = map(best_value_interval, form.dose(sets, best.numbers), spread)
     settings = [dict(zip(form.conditions, each, strict=True)) for each in at]
     doses = (parts.DosePart(at, *astuple(size)) for at, size in zip(settings, sizes, strict=True))
     powers = [(condition, numbers[name]) for condition, name in form.exponents.items()]
@@ -282,39 +282,39 @@ def law_part(law: Law, probability: float) -> parts.MechanismPart:
         low,
         high,
         share,
-        *law_template(form, numbers),
+        *law_with_sizes(form, numbers),
     )
     return parts.MechanismPart(probability, tuple(doses), part)
 
 
-def law_template(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
+def law_with_sizes(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
     """The expression with sizes of conditions named, and these; none where a number has another unit."""
     if form.name == "exponential":
         return "", {}
     sizes: dict[str, tuple[str, float]] = {}
     names = iter(form.conditions)
 
-    def name_size(match: re.Match[str]) -> str:
+    def name_of_size(match: re.Match[str]) -> str:
         name = next(names)
         sizes[f"{name}_0"] = name, float(match[0])
         return f"{{{name}_0}}"
 
-    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", name_size, form.text)
+    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", name_of_size, form.text)
     return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
 
 
-def law_interval(value: float, draws: Floats) -> Interval:
+def best_value_interval(value: float, draws: Floats) -> Interval:
     """A best value with the 90 % interval of its draws."""
     return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))
 
 
-def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
+def observable_level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
     """Level of an observable with the stated error that rows share, where it is off and of a sure sign."""
     race, rows = posterior.race, posterior.race.prepared.rows
     weight = np.concatenate([each.weight for each in posterior.draws])
-    for observable, mask in race.prepared.by_observable():
+    for observable, mask in race.prepared.observables_with_row_masks():
         sizes = np.array([])
-        unit = np.median(race.prepared.sd[mask])
+        unit = np.median(race.prepared.row_sd[mask])
         shared = np.mean(rows.shared[mask], axis=0)
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
@@ -322,10 +322,10 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
             shifts = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
             sizes = np.append(sizes, unit * each.values[:, column] + shifts)
         chance = float(weight @ (np.abs(sizes) > 0.5 * unit)) / float(weight.sum())
-        shift = interval(sizes, weight)
+        shift = weighted_interval(sizes, weight)
         if chance > 0.5 and shift.low * shift.high > 0.0:
-            name = kind_of(observable)
-            size = interval(np.exp(sizes), weight) if name == "factor" else shift
+            name = difference_kind(observable)
+            size = weighted_interval(np.exp(sizes), weight) if name == "factor" else shift
             yield parts.LevelPart(**vars(size), observable=observable.name, kind=name, probability=chance)
 
 
@@ -334,21 +334,21 @@ def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
 
     A row is bad where the explanations that find it so have SURE together.
     """
-    race, fit = posterior.race, posterior.best
+    race, fit = posterior.race, posterior.best_fit
     now, rows = fit.evidence.solution, race.prepared.rows
     for index, block in enumerate(fit.blocks):
         if block.kind in ("source", "group"):
-            yield from shared_parts(block.kind, fit, index, race)
+            yield from shared_error_parts(block.kind, fit, index, race)
     for row in sorted(fit.evidence.bad):
         if sum(p for h, p in posterior.probability.items() if row in race.fits[h].evidence.bad) < SURE:
             continue
-        half = ONE_SIDED * float(race.prepared.sd[row])
+        half = ONE_SIDED * float(race.prepared.row_sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
-        gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
+        gap = unscale(scale, rows.z[row]) - unscale(scale, expected)
         yield parts.ErrorPart(
             *gap.tolist(), kind="row", observable=rows.names[row], label=str(rows.lines[row][0])
         )
-    spread = np.sqrt(np.diag(np.linalg.inv(now.derivatives()[1])))
+    spread = np.sqrt(np.diag(np.linalg.inv(now.gradient_and_curvature()[1])))
     for j in range(now.rows.blocks, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
         if low > 1.0 or high < 1.0:
@@ -356,7 +356,7 @@ def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
             yield parts.ErrorPart(middle, low, high, "scatter", name, "")
 
 
-def shared_parts(
+def shared_error_parts(
     kind: Literal["source", "group"], fit: Fit, index: int, race: Race
 ) -> Iterator[parts.ErrorPart]:
     """How far rows of one source or group lie from all others of their observable; of two, the second."""
@@ -365,7 +365,7 @@ def shared_parts(
     best, root = (now.tau * now.centre)[at], now.tau[at]
     covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
     labels = np.array(rows.source_names if kind == "source" else rows.group)
-    for observable, mask in race.prepared.by_observable():
+    for observable, mask in race.prepared.observables_with_row_masks():
         names = list(dict.fromkeys(labels[mask]))
         for label in names[1:] if len(names) == 2 else names:
             some, others = mask & (labels == label), mask & (labels != label)
@@ -373,7 +373,7 @@ def shared_parts(
                 continue
             gap = columns[some].mean(axis=0) - columns[others].mean(axis=0)
             value, sd = float(gap @ best), float(np.sqrt(gap @ covariance @ gap))
-            if abs(value) > max(ONE_SIDED * sd, float(np.median(race.prepared.sd[some]))):
+            if abs(value) > max(ONE_SIDED * sd, float(np.median(race.prepared.row_sd[some]))):
                 steep = float(np.median(rows.slope[some]))
                 ends = [(value + z * sd) / steep for z in (0.0, -ONE_SIDED, ONE_SIDED)]
                 other = names[0] if len(names) == 2 else ""
@@ -382,7 +382,7 @@ def shared_parts(
                 )
 
 
-def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
+def residual_trend_parts(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
     The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully
@@ -392,18 +392,18 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
     u = bare.evidence.solution.scales_for(linear.scales)
     u[linear.blocks :] = 0.0  # of few rows a fitted scatter is too small by chance
-    for measured, rows_of in race.prepared.by_observable():
+    for measured, rows_of in race.prepared.observables_with_row_masks():
         for name, values in rows.conditions.items():
-            axis = axis_scale(values[rows_of])
+            axis = axis_scale_of(values[rows_of])
             if axis is not None:
                 named.append((measured.name, name))
                 powers = (np.where(rows_of, axis(values) ** k, 0.0) for k in range(1, POWERS + 1))
-                columns += map(race.prepared.white, powers)
-    now = linear.posterior_at(u)
-    along, gram = now.against(np.reshape(columns, (-1, rows.size)).T)
+                columns += map(race.prepared.whiten, powers)
+    now = linear.at_scales(u)
+    along, gram = now.project(np.reshape(columns, (-1, rows.size)).T)
     alone, remaining, least = gram.diagonal().copy(), [*range(len(named))], np.zeros(2)
     freedom = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
-    rest, free = freedom + float(now.precision[0] @ linear.y), freedom + rows.size - bare.v.size - 1
+    rest, free = freedom + float(now.whitened[0] @ linear.y), freedom + rows.size - bare.v.size - 1
     while remaining:
         length = np.sqrt(np.maximum(gram.diagonal(), 1e-12))
         size = np.where(gram.diagonal() > 1e-6 * alone, along / length, 0.0)
@@ -422,17 +422,17 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
                 along, gram = along - share * along[j], gram - np.outer(share, gram[j])
 
 
-def rows_part(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:
+def measured_and_predicted_rows(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:
     """Measured and predicted values in the units of the observables, with what is not in the list."""
     rows, columns, now = race.prepared.rows, [], after.evidence.solution
     size, blocks = now.tau * now.centre, enumerate(after.blocks)
     unlisted = [each.columns @ size[now.rows.block == k] for k, each in blocks if each.kind == "unlisted"]
-    sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
+    sd = race.prepared.row_sd / np.maximum(rows.slope, 1e-300)
     half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
     for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(unlisted, axis=0)):
         column = np.empty(rows.size)
-        for observable, mask in race.prepared.by_observable():
-            column[mask] = from_scale(observable, values[mask])
+        for observable, mask in race.prepared.observables_with_row_masks():
+            column[mask] = unscale(observable, values[mask])
         columns.append(column)
     measured, low, high, before, adjusted = columns
     low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)

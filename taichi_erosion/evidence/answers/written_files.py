@@ -23,19 +23,19 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.check_study import check_study
 from taichi_erosion.evidence.answers.scene_templates import CalibratedNumber
 from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
-from taichi_erosion.evidence.data.held_out_rows import stated_rows
-from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
+from taichi_erosion.evidence.data.held_out_rows import rows_in_named_ranges
+from taichi_erosion.evidence.data.measured import AMOUNTS, read_measured
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.rows import Table, tidy_fields
-from taichi_erosion.evidence.emulator.design import inactive_reason
+from taichi_erosion.evidence.data.tables.rows import Table, tidy_table_cells
+from taichi_erosion.evidence.emulator.design import why_effect_cannot_act
 from taichi_erosion.evidence.emulator.training_runs import study_scenes
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.simulator import dotted_paths
-from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.load import read_text_of_file
 from taichi_erosion.scene.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.scene.schema.units import conversion, parse_unit
-from taichi_erosion.tables.number_words import key_text
+from taichi_erosion.tables.number_words import toml_key
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
@@ -79,7 +79,7 @@ class StudyFiles:
     effect_files: Sequence[str]  # with effects of the user's own, relative to the study
 
     @property
-    def study(self) -> Path:
+    def study_path(self) -> Path:
         return self.folder / f"{self.stem}.toml"
 
     @property
@@ -87,44 +87,44 @@ class StudyFiles:
         return self.folder / f"{self.stem}{TIDY}"
 
     @property
-    def scenes(self) -> dict[Path, str]:
+    def scene_texts(self) -> dict[Path, str]:
         """Files of its own scenes, with their texts."""
         return {self.folder / f"{name}.toml": text for name, text in self.content.scenes.items()}
 
 
-def written_files(files: StudyFiles, anew: bool) -> Document:
+def write_study_files(files: StudyFiles, anew: bool) -> Document:
     """Write a study, or the table alone of one that is there, unless `anew`; the document says what it holds.
 
     Raises BadInput where a file of another origin would be replaced, or where the study does not fit its
     table; then nothing is written.
     """
-    earlier, paths = None, [files.study, files.table, *files.scenes]
-    if files.study.exists() and files.table.exists():
-        earlier = load_study(files.study)
+    earlier, paths = None, [files.study_path, files.table, *files.scene_texts]
+    if files.study_path.exists() and files.table.exists():
+        earlier = load_study(files.study_path)
         if earlier.file.study.made_from != files.made_from:
-            raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
+            raise BadInput(f"{files.study_path}: is a study of another table; name another folder with --out")
     if earlier is None and (there := [path for path in paths if path.exists()]):
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
     rows, changes = list[Drawn](row.draw for row in files.rows.rows), {}
     if earlier is not None:
-        rows, changes = carried_over(earlier, read_table(files.table, files.table.name), files.rows)
-    with all_or_none(paths):
-        write_table(files, rows)
+        rows, changes = carry_over_vault(earlier, read_measured(files.table, files.table.name), files.rows)
+    with restore_files_on_refusal(paths):
+        write_tidy_table(files, rows)
         if earlier is None or anew:
-            write_study(files, "" if earlier is None else earlier.drawn_from)
+            write_study_and_scenes(files, "" if earlier is None else earlier.vault_digest)
         else:
             paths = paths[:2]
-            text = file_text(files.study, str(files.study))
+            text = read_text_of_file(files.study_path, str(files.study_path))
             text = with_entry(text, ("study", "made_from_digest"), files.digest, READ)
-            write_atomic(files.study, text.encode())
-        study = load_study(files.study)
+            write_atomic(files.study_path, text.encode())
+        study = load_study(files.study_path)
         refuse_unknown_scatter(study)
-        write_table(files, drawn_rows(study, files.rows))
-        document = check_study(files.study)
+        write_tidy_table(files, vault_draw_of_rows(study, files.rows))
+        document = check_study(files.study_path)
     return {"written": list(map(str, paths)), **document, **changes}
 
 
-def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
+def carry_over_vault(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
     """What rows became when those of the earlier table of a study were drawn for the vault; what changed.
 
     A row is known by its set-up, else by its place in a table of equal length.
@@ -146,7 +146,7 @@ def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn]
             {name: text for name, text in row.items() if text and name not in ("vault", "source")}
             for row in rows
         ]
-        for rows in (tidy_fields(before), tidy_fields(after))
+        for rows in (tidy_table_cells(before), tidy_table_cells(after))
     )
     lines = [
         row.line
@@ -155,20 +155,20 @@ def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn]
     ]
     removed = len(before.rows) - sum(place is not None for place in places)
     changes = {"lines": list(dict.fromkeys(lines)), "removed": removed}
-    draw = drawn_rows(study, before)
+    draw = vault_draw_of_rows(study, before)
     return ["" if place is None else draw[place] for place in places], {"changes": changes}
 
 
-def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
+def write_tidy_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
     """Write the tidy table, with what became of every row when rows were drawn for the vault."""
     import pandas as pd
 
     rows = tuple(replace(row, draw=was) for row, was in zip(files.rows.rows, drawn, strict=True))
-    cells = pd.DataFrame(tidy_fields(replace(files.rows, rows=rows)))
+    cells = pd.DataFrame(tidy_table_cells(replace(files.rows, rows=rows)))
     write_atomic(files.table, cells.to_csv(index=False, lineterminator="\n").encode())
 
 
-def drawn_rows(study: Study, table: Table) -> list[Drawn]:
+def vault_draw_of_rows(study: Study, table: Table) -> list[Drawn]:
     """What became of every row of a study's tidy table when rows were drawn for the vault.
 
     Nothing is told of rows that the study does not use, and of those that a stated range or source holds out.
@@ -176,7 +176,7 @@ def drawn_rows(study: Study, table: Table) -> list[Drawn]:
     used = [k for k, row in enumerate(table.rows) if row.observable in study.file.observables]
     hidden = set(study.problem.vault.rows.tolist())
     vault = study.file.vault
-    inside = stated_rows(study.problem.measurements, vault.ranges, vault.sources)
+    inside = rows_in_named_ranges(study.problem.measurements, vault.ranges, vault.sources)
     rows: list[Drawn] = [""] * len(table.rows)
     for k, row in enumerate(used):
         rows[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
@@ -184,7 +184,7 @@ def drawn_rows(study: Study, table: Table) -> list[Drawn]:
 
 
 @contextmanager
-def all_or_none(paths: Sequence[Path]) -> Iterator[None]:
+def restore_files_on_refusal(paths: Sequence[Path]) -> Iterator[None]:
     """Files that are as before where the block refuses what it is given (BadInput)."""
     before = {path: path.read_bytes() if path.is_file() else None for path in paths}
     folder = next((path.parent for path in paths if not path.parent.exists()), None)
@@ -201,20 +201,20 @@ def all_or_none(paths: Sequence[Path]) -> Iterator[None]:
         raise
 
 
-def write_study(files: StudyFiles, drawn_from: str) -> None:
+def write_study_and_scenes(files: StudyFiles, drawn_from: str) -> None:
     """Write the scenes and a study whose candidates can act."""
-    for path, text in files.scenes.items():
+    for path, text in files.scene_texts.items():
         write_atomic(path, text.encode())
-    write_atomic(files.study, study_text(files, (), drawn_from).encode())
-    study = load_study(files.study)
-    acting = acting_formulas(study) if files.content.model else acting_candidates(study)
-    write_atomic(files.study, study_text(files, acting, drawn_from or study.digest).encode())
+    write_atomic(files.study_path, study_text(files, (), drawn_from).encode())
+    study = load_study(files.study_path)
+    acting = formulas_that_vary(study) if files.content.model else plausible_candidates(study)
+    write_atomic(files.study_path, study_text(files, acting, drawn_from or study.digest).encode())
 
 
 def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) -> str:
     """A study file; all candidates of the library where none are given."""
     content = files.content
-    lines = [f"# {shlex.join(['./erosion', 'compare', files.study.name])}", "", "[study]"]
+    lines = [f"# {shlex.join(['./erosion', 'compare', files.study_path.name])}", "", "[study]"]
     lines += [f"title = {toml_string(files.stem)}", f"measurements = {toml_string(files.table.name)}"]
     lines += [f"made_from = {toml_string(files.made_from)}"]
     lines += [f"made_from_digest = {toml_string(files.digest)}  # {READ}"]
@@ -233,7 +233,7 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     lines += [
         "",
         "[conditions]",
-        *(f"{key_text(name)} = {toml_string(paths)}" for name, paths in content.conditions.items()),
+        *(f"{toml_key(name)} = {toml_string(paths)}" for name, paths in content.conditions.items()),
     ]
     for number in content.parameters:
         lines += ["", f"[parameters.{toml_string(number.path)}]    # {number.why}"]
@@ -270,20 +270,20 @@ def toml_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def acting_formulas(study: Study) -> list[str]:
+def formulas_that_vary(study: Study) -> list[str]:
     """Effects of the closed form that are not alike in all rows of the table, as coefficients are."""
     measured = study.problem.measurements.conditions
     at = reduced.DEFAULT_COLUMNS | {model: measured[name] for name, model in study.file.conditions.items()}
     parts = set[str]().union(*(SHIFTED[name] for name in study.file.observables))
 
-    def varies(effect: str) -> bool:
+    def formula_varies(effect: str) -> bool:
         shift = reduced.EFFECTS[effect](1.0, at)
         return any(np.nanmax(getattr(shift, p)) - np.nanmin(getattr(shift, p)) > LEAST_SHIFT for p in parts)
 
-    return list(filter(varies, reduced.EFFECTS))
+    return list(filter(formula_varies, reduced.EFFECTS))
 
 
-def acting_candidates(study: Study) -> list[str]:
+def plausible_candidates(study: Study) -> list[str]:
     """Effects of the library that can change what is measured here.
 
     Where the literature does not say which observables an effect changes, it is a candidate if the table
@@ -300,7 +300,7 @@ def acting_candidates(study: Study) -> list[str]:
     able = [
         each.name
         for each in study.problem.candidates
-        if any(inactive_reason(scene, each) is None for scene in scenes)
+        if any(why_effect_cannot_act(scene, each) is None for scene in scenes)
     ]
     effects = {name: simulator.library[name] for name in able}
     tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}

@@ -12,10 +12,10 @@ from taichi_erosion.evidence.data.measurement_noise import (
     Disagreement,
     ObservableNoise,
     Scatter,
-    lack_of_fit,
+    lack_of_fit_p_value,
     measurement_scatter,
-    pure_error,
-    suspects,
+    pure_error_squares,
+    suspect_rows_of_group,
 )
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     pick_rows,
 )
-from taichi_erosion.evidence.data.tables.rows import source_names
+from taichi_erosion.evidence.data.tables.rows import row_sources
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
@@ -64,10 +64,10 @@ class ComparisonRows:
     @property
     def source_names(self) -> tuple[str, ...]:
         """Source of every row; the file of those that name none."""
-        return source_names(self.source)
+        return row_sources(self.source)
 
     @property
-    def suspect(self) -> Bools:
+    def rows_to_check(self) -> Bools:
         """Rows to check, which differ grossly from their repeats."""
         off = {(each.observable, line) for each in self.unmerged for line in each.suspects}
         rows = zip(self.names, self.lines, strict=True)
@@ -89,7 +89,7 @@ class ComparisonRows:
         """Observable of every row by its name."""
         return tuple(self.observables[index].name for index in self.which)
 
-    def index_of(self, names: Sequence[str]) -> Integers:
+    def observable_indices(self, names: Sequence[str]) -> Integers:
         """Index of the observable of every name."""
         place = {observable.name: index for index, observable in enumerate(self.observables)}
         return np.array([place[name] for name in names], dtype=np.int64)
@@ -98,7 +98,7 @@ class ComparisonRows:
         """Conditions of one row."""
         return {name: float(column[row]) for name, column in self.conditions.items()}
 
-    def rows(self, chosen: Integers | Bools) -> "ComparisonRows":
+    def select_rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
@@ -110,11 +110,11 @@ class ComparisonRows:
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
-    names, table = sorted(set(table.observable)), replace(table, line=table.lines)
+    names, table = sorted(set(table.observable)), replace(table, line=table.table_line_numbers)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     observable = np.array(table.observable)
     parts = [
-        merged_rows(observables, index, table.rows(np.flatnonzero(observable == name)))
+        merge_repeats(observables, index, table.pick_rows_at(np.flatnonzero(observable == name)))
         for index, name in enumerate(names)
     ]
     rows = join_rows(parts)
@@ -130,25 +130,25 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     return replace(rows, warnings=(*rows.warnings, note))
 
 
-def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:
+def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
     value = np.where(table.censored, table.limit, table.value)
-    (z, reach), steepness = censored_scale(observable, value, table.reaches), slope(observable, value)
+    (z, reach), steepness = censor_scale(observable, value, table.half_widths), slope(observable, value)
     usable = np.isfinite(z) & np.isfinite(steepness)
-    notes, table = row_notes(observable, table, usable), table.rows(usable)
+    notes, table = notes_on_missing_numbers(observable, table, usable), table.pick_rows_at(usable)
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
-    cell, exact = repeat_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
+    cell, exact = repeat_group_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, usual = np.where(table.n >= 1.0, table.n, 1.0), observable.transform == "identity"
     shapes = np.array([steepness, np.abs(value) * steepness])[:: 1 if usual else -1]  # of sd; usual first
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     alone = np.where(scatter.off, np.arange(scatter.off.size), -1)
     labels = zip(cell, table.group, table.source, reach, alone, strict=True)  # equal for repeats
-    first, mean, total = weighted_means(
+    first, mean, total = weighted_means_by_key(
         z, weight, keys := np.array(["|".join(map(str, each)) for each in labels])
     )
-    steep, first_rows, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
+    steep, first_rows, heaps = steepness[first], table.pick_rows_at(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
         count = f"{int(unknown.sum())} of {unknown.size}"
@@ -162,7 +162,7 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         variance=variance,
         censored=first_rows.censored,
         reach=reach[first],
-        shared=shared_errors(observable, shared, first_rows.conditions),
+        shared=shared_error_columns(observable, shared, first_rows.conditions),
         conditions=first_rows.conditions,
         group=first_rows.group,
         source=first_rows.source,
@@ -177,12 +177,12 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
-        unmerged=tuple(disagreements(observable, table, exact, cell, scatter.off)),
+        unmerged=tuple(gross_repeat_disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
 
 
-def shared_errors(observable: Observable, size: Floats, conditions: Conditions) -> Floats:
+def shared_error_columns(observable: Observable, size: Floats, conditions: Conditions) -> Floats:
     """Columns (n, q) of a systematic error of size (n,): of all rows, and of each value of `shared_over`."""
     column = conditions.get(observable.shared_over, np.zeros(size.size))
     values = np.unique(column[np.isfinite(column)])
@@ -197,44 +197,44 @@ def heap_keys(table: Measurements) -> list[str]:
     return ["|".join(map(str, each)) if each[0] else "" for each in labels]
 
 
-def disagreements(
+def gross_repeat_disagreements(
     observable: Observable, table: Measurements, z: Floats, cell: Floats, off: Bools
 ) -> Iterator[Disagreement]:
     """Repeats of one observable that disagree grossly, with the rows to check."""
     for number in np.unique(cell[off]):
         rows = np.flatnonzero((cell == number) & np.isfinite(z))
-        check = suspects(z, rows, off, tuple(table.conditions.values()))
+        check = suspect_rows_of_group(z, rows, off, tuple(table.conditions.values()))
         lines, wrong = (tuple(table.line[row] for row in chosen) for chosen in (rows, check))
         yield Disagreement(observable.name, lines, wrong, float(np.ptp(table.value[rows])))
 
 
-def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats) -> float:
+def repeat_fit_p(rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats) -> float:
     """Chance of the lack of fit of a model; limits, and rows to check, have no part in it.
 
     `residual` (n,) is over its sd, `variance` its square, `leverage` the shares that calibration removes.
     Preparations differ by about half of the scatter of repeats: squares of means of m by 1 + m / 4 more.
     """
-    cell, parts = repeat_numbers(rows), []
+    cell, parts = repeat_group_numbers(rows), []
     for name, noise in rows.noise.items():
-        tested = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
+        tested = (np.array(rows.names) == name) & ~rows.censored & ~rows.rows_to_check
         if not tested.any():
             continue
-        squares, within = pure_error(rows.z[tested], 1.0 / variance[tested], cell[tested])
+        squares, within = pure_error_squares(rows.z[tested], 1.0 / variance[tested], cell[tested])
         freedom = float(np.sum(1.0 - leverage[tested])) - within
         single = noise.scatter.variance[np.isfinite(noise.scatter.variance)]
         m = float(np.sum(np.median(single) / variance[tested])) / np.unique(cell[tested]).size
         between = (float(residual[tested] @ residual[tested]) - squares) / (1.0 + 0.25 * m)
         parts.append((between, freedom, *noise.scatter.pure))
-    return lack_of_fit(parts)
+    return lack_of_fit_p_value(parts)
 
 
-def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
+def repeat_group_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's conditions, set-up and source; equal for repeated rows."""
-    set_ups = [f"{group}|{name}" for group, name in zip(table.group, source_names(table.source), strict=True)]
-    return condition_numbers(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
+    set_ups = [f"{group}|{name}" for group, name in zip(table.group, row_sources(table.source), strict=True)]
+    return condition_cells(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
 
 
-def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
+def censor_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
     """Values and reaches on the comparison scale; an interval with an end off it has the upper one.
 
     The middle of an interval on that scale is not that of the interval in its unit.
@@ -248,7 +248,7 @@ def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tupl
     return z, np.where(open_below, -np.inf, np.where(inside, 0.5 * (high - low), reach))
 
 
-def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integers, Floats, Floats]:
+def weighted_means_by_key(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integers, Floats, Floats]:
     """First row, mean and total weight of the rows of each key, in the order of the first rows."""
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     total: Floats = np.bincount(inverse, weight, minlength=first.size).astype(float)
@@ -257,7 +257,7 @@ def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integer
     return first[order], mean, total[order]
 
 
-def condition_numbers(table: Measurements | ComparisonRows) -> Floats:
+def condition_cells(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's set of conditions; equal for repeated rows."""
     if table.size == 0:
         return np.zeros(0)
@@ -266,7 +266,7 @@ def condition_numbers(table: Measurements | ComparisonRows) -> Floats:
     return np.unique(stacked, axis=0, return_inverse=True)[1].ravel().astype(float)
 
 
-def row_notes(observable: Observable, table: Measurements, usable: Bools) -> list[str]:
+def notes_on_missing_numbers(observable: Observable, table: Measurements, usable: Bools) -> list[str]:
     """Sentences about rows without a finite value, sd or n."""
     notes = []
     lost = int(np.sum(~usable))
@@ -297,7 +297,7 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
 def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     """Rows of all observables."""
 
-    def all_of(name: str) -> Any:
+    def concatenate_field(name: str) -> Any:
         first, *_ = values = [getattr(part, name) for part in parts]
         if isinstance(first, np.ndarray):
             return np.concatenate(values)
@@ -308,7 +308,7 @@ def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     shared = np.asarray(linalg.block_diag(*(part.shared for part in parts)))
     return replace(
         parts[0],
-        **{name: all_of(name) for name in (*ROW_WISE, "warnings", "unmerged")}
+        **{name: concatenate_field(name) for name in (*ROW_WISE, "warnings", "unmerged")}
         | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
     )

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers, heap_keys
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_cells, heap_keys
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Replicates
 from taichi_erosion.evidence.data.transforms import to_scale
 
@@ -38,7 +38,7 @@ class HeapCorrelation:
     names: tuple[str, ...]
     matrix: Floats
 
-    def of(self, names: Sequence[str]) -> Floats:
+    def between(self, names: Sequence[str]) -> Floats:
         """The correlation of some observables, 0 with those that it does not know."""
         matrix, places = np.eye(len(names)), [k for k, name in enumerate(names) if name in self.names]
         indices = [self.names.index(names[k]) for k in places]
@@ -53,21 +53,21 @@ def heap_correlation(
     names, unit = tuple(each.name for each in rows.observables), np.ones((len(rows.observables),) * 2)
     if not np.any(shared_share(rows, unit)):
         return None
-    target = np.eye(len(names)) if replicates is None else model_correlation(rows, replicates)
+    target = np.eye(len(names)) if replicates is None else replicate_correlation(rows, replicates)
     wrong = {(each.observable, line) for each in rows.unmerged for line in each.suspects}
-    sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
-    sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
-    matrix = np.where(freedom >= LEAST_FREEDOM, shrink(sample, freedom), target)
+    sound = [key not in wrong for key in zip(table.observable, table.table_line_numbers, strict=True)]
+    sample, freedom = correlation_of_repeats(rows.observables, table.pick_rows_at(np.array(sound)))
+    matrix = np.where(freedom >= LEAST_FREEDOM, shrink_correlation(sample, freedom), target)
     if np.array_equal(matrix, np.eye(len(names))):
         return None
-    return HeapCorrelation(names, valid_correlation(matrix))
+    return HeapCorrelation(names, make_positive_definite(matrix))
 
 
 def add_correlation(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
     """Rows with the covariances of those of one heap."""
     if correlation is None:
         return rows
-    share = shared_share(rows, correlation.of([each.name for each in rows.observables]))
+    share = shared_share(rows, correlation.between([each.name for each in rows.observables]))
     if not share.any():
         return rows
     sd = np.sqrt(np.nan_to_num(scatter_variance(rows)))
@@ -100,7 +100,7 @@ def shared_share(rows: ComparisonRows, matrix: Floats) -> Floats:
     return shares
 
 
-def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
+def replicate_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
     """Correlation of the model's replicates, less where the laboratory scatters more than the model."""
     correlation = np.eye(len(rows.observables))
     single = scatter_variance(rows) * [sum(variances.values()) for variances in rows.heaps]
@@ -111,15 +111,15 @@ def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
             sd = float(replicates.sd[replicates.names.index(observable.name)])
             share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     names = [each.name for each in rows.observables]
-    of_model = HeapCorrelation(replicates.names, replicates.correlation).of(names)
+    of_model = HeapCorrelation(replicates.names, replicates.correlation).between(names)
     return np.where(correlation > 0.0, 1.0, of_model * np.outer(share, share))
 
 
-def sample_correlation(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:
+def correlation_of_repeats(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:
     """Correlation of repeats about the means of their conditions, and its degrees of freedom (k, k)."""
     size, names = len(observables), np.array(table.observable)
     heaps, first, heap = np.unique(heap_keys(table), return_index=True, return_inverse=True)
-    cell, n = condition_numbers(table)[first], np.where(table.n >= 1.0, table.n, 1.0)
+    cell, n = condition_cells(table)[first], np.where(table.n >= 1.0, table.n, 1.0)
     values, counts = np.zeros((heaps.size, size)), np.zeros((heaps.size, size))
     for k, observable in enumerate(observables):
         z = to_scale(observable, np.where(table.censored, np.nan, table.value))
@@ -131,13 +131,13 @@ def sample_correlation(observables: Sequence[Observable], table: Measurements) -
     correlation, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)
-        r, nu = pair_correlation(values[both][:, [a, b]], counts[both][:, [a, b]], cell[both])
+        r, nu = correlation_within_cells(values[both][:, [a, b]], counts[both][:, [a, b]], cell[both])
         correlation[a, b] = correlation[b, a] = r
         freedom[a, b] = freedom[b, a] = nu
     return correlation, freedom
 
 
-def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[float, float]:
+def correlation_within_cells(values: Floats, counts: Floats, cell: Floats) -> tuple[float, float]:
     """Correlation of two columns (m, 2) about the means of their cells, and its degrees of freedom."""
     products, freedom = np.zeros((2, 2)), 0.0
     for number in np.unique(cell):
@@ -151,7 +151,7 @@ def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[floa
     return float(products[0, 1] / np.sqrt(products[0, 0] * products[1, 1])), freedom
 
 
-def shrink(sample: Floats, freedom: Floats) -> Floats:
+def shrink_correlation(sample: Floats, freedom: Floats) -> Floats:
     """Sample correlation (k, k) drawn towards 0, which it is for pairs of too few degrees of freedom."""
     is_known = freedom >= LEAST_FREEDOM
     nu = np.where(is_known, freedom, 1.0)
@@ -159,10 +159,10 @@ def shrink(sample: Floats, freedom: Floats) -> Floats:
     if uncertain > MOST_CHANCE * size or size == 0.0:
         return np.eye(len(sample))
     weights = (1.0 - uncertain / size) * (nu * sample) / (nu + 1.0)
-    return valid_correlation(np.where(is_known, weights, np.eye(len(sample))))
+    return make_positive_definite(np.where(is_known, weights, np.eye(len(sample))))
 
 
-def valid_correlation(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats:
+def make_positive_definite(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats:
     """The same matrix where its eigenvalues allow it, else with the `least` of them raised."""
     values, vectors = np.linalg.eigh(matrix)
     if values[0] >= least:

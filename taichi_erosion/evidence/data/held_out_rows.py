@@ -16,9 +16,9 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.data.comparison_rows import condition_numbers
+from taichi_erosion.evidence.data.comparison_rows import condition_cells
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
-from taichi_erosion.evidence.data.tables.rows import source_names
+from taichi_erosion.evidence.data.tables.rows import row_sources
 from taichi_erosion.tables.number_words import count_noun
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
@@ -43,18 +43,18 @@ def split_rows(
     `drawn_from` is the digest of the table from which rows were drawn first; None: of this table. As many
     rows under different conditions stay visible as `least` says.
     """
-    inside = stated_rows(measurements, ranges, sources)
-    counts = unit_counts(measurements, measurements.group, ~inside)
+    inside = rows_in_named_ranges(measurements, ranges, sources)
+    counts = count_units(measurements, measurements.group, ~inside)
     by_group = bool(counts) and min(counts.values()) >= FEWEST_GROUPS
     numbers = [[f"{x:.{DIGITS}g}" for x in column] for column in measurements.conditions.values()]
     cells = [*zip(*numbers, strict=True)] if numbers else [()] * measurements.size
     units: list[Unit] = [(group,) for group in measurements.group] if by_group else cells
-    digest = content_digest(measurements)
+    digest = table_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
     visible, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
-    vault_units = drawn_units(measurements, order, units, ~inside, visible, fraction, least)
+    vault_units = draw_vault_units(measurements, order, units, ~inside, visible, fraction, least)
     among = np.array([unit in vault_units for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | visible | among
     if hidden.all():
@@ -80,11 +80,11 @@ def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Boo
     return np.array(stays, dtype=np.bool_), frozenset(unit for unit, was in pairs if was)
 
 
-def stated_rows(
+def rows_in_named_ranges(
     measurements: Measurements, ranges: Mapping[str, Sequence[float]], sources: Sequence[str]
 ) -> Bools:
     """Rows whose condition lies in a named range, and those of a named source. Raises BadInput."""
-    made_by = source_names(measurements.source)
+    made_by = row_sources(measurements.source)
     distinct = tuple(dict.fromkeys(made_by))
     if missing := [name for name in sources if name not in distinct]:
         raise BadInput(f"vault.sources: '{missing[0]}' is not one of {', '.join(distinct)}")
@@ -95,13 +95,13 @@ def stated_rows(
     return inside
 
 
-def unit_counts(measurements: Measurements, units: Sequence[Unit | str], rows: Bools) -> Counter[str]:
+def count_units(measurements: Measurements, units: Sequence[Unit | str], rows: Bools) -> Counter[str]:
     """Number of units in which each observable was measured, among some rows."""
     pairs = {(measurements.observable[i], units[i]) for i in np.flatnonzero(rows).tolist()}
     return Counter(observable for observable, _ in pairs)
 
 
-def drawn_units(
+def draw_vault_units(
     measurements: Measurements,
     order: Sequence[Unit],
     units: Sequence[Unit],
@@ -121,7 +121,7 @@ def drawn_units(
     where fewer than `least` sets of conditions would.
     """
     kind = np.unique(np.array(measurements.observable), return_inverse=True)[1]
-    points = condition_numbers(measurements) + kind * measurements.size
+    points = condition_cells(measurements) + kind * measurements.size
     observables_of: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(free).tolist():
         observables_of.setdefault(units[i], set()).add(measurements.observable[i])
@@ -129,7 +129,7 @@ def drawn_units(
     unit_of_row = np.array([numbers[unit] for unit in units])
     remaining = free & ~visible
     before, crossings = varying(measurements, remaining), crossed_levels(measurements, remaining, 3)
-    among, vault_counts = (unit_counts(measurements, units, rows) for rows in (free, free & visible))
+    among, vault_counts = (count_units(measurements, units, rows) for rows in (free, free & visible))
     quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - vault_counts[k] for k, n in among.items()}
     vault_units: set[Unit] = set()
     for unit in (each for each in order if each in observables_of):
@@ -144,7 +144,7 @@ def drawn_units(
     return vault_units
 
 
-def condition_levels(
+def condition_columns_of(
     measurements: Measurements, rows: Bools
 ) -> Iterator[tuple[str, Bools, str, Floats, Floats]]:
     """Observable, its rows, a condition, its column and its values: each pair of them, among some rows."""
@@ -158,7 +158,7 @@ def condition_levels(
 def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
     pairs: set[tuple[str, str]] = set()
-    for observable, _, name, _, levels in condition_levels(measurements, rows):
+    for observable, _, name, _, levels in condition_columns_of(measurements, rows):
         if levels.size > 1:
             pairs |= {(observable, name), (observable, f"{name} from 0" if levels[0] == 0.0 else name)}
     return pairs
@@ -167,7 +167,7 @@ def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
 def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
     """Observable, condition of two levels, one level, and a condition of at least so many values under it."""
     crossings: set[tuple[str, str, float, str]] = set()
-    for observable, mask, name, column, levels in condition_levels(measurements, np.ones_like(rows)):
+    for observable, mask, name, column, levels in condition_columns_of(measurements, np.ones_like(rows)):
         for level in levels if levels.size == 2 else ():
             under = mask & rows & (column == level)
             for other, values in measurements.conditions.items():
@@ -176,7 +176,7 @@ def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[t
     return crossings
 
 
-def content_digest(measurements: Measurements) -> str:
+def table_digest(measurements: Measurements) -> str:
     """Digest of a table, whatever the order of its rows and columns."""
     names = sorted(measurements.conditions)
     lines = sorted(
@@ -203,12 +203,12 @@ def split_sentence(count: int, by_group: bool, named: str, rows: int, among: int
     return f"{rows} of {among} rows are held out: {words}."
 
 
-def openings(folder: Path, digest: str) -> int:
+def vault_openings(folder: Path, digest: str) -> int:
     """How often the vault has been opened whose rows were drawn from the table of this digest."""
     return len(read_counter(folder / COUNTER).get(digest, []))
 
 
-def record_opening(folder: Path, digest: str, effect: str) -> int:
+def count_opening(folder: Path, digest: str, effect: str) -> int:
     """Count one more opening of the vault; returns how many there have been."""
     counter = read_counter(folder / COUNTER)
     counter.setdefault(digest, []).append(effect)

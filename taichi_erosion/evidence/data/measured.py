@@ -24,11 +24,11 @@ from taichi_erosion.evidence.data.tables.rows import (
     Row,
     Table,
     cell_text,
-    listed_rows,
-    table_of,
+    row_list_text,
+    table_from_cells,
     tidy_columns,
 )
-from taichi_erosion.scene.physical_ranges import PhysicalRange, likely_units, scale_of
+from taichi_erosion.scene.physical_ranges import PhysicalRange, plausible_units, range_scale
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -41,21 +41,21 @@ from taichi_erosion.scene.schema.units import (
 )
 from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
-from taichi_erosion.tables.spreadsheet import Cells, read_cells, write_out
+from taichi_erosion.tables.spreadsheet import Cells, convert_units, read_table_cells
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 
 
-def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
+def read_measured(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
     """Measurements of a file, a tidy one or a laboratory's own; raises BadInput with all its faults.
 
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
     table = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
-    faults.tell()
+    faults.raise_if_any()
     assert table is not None
     return table
 
@@ -67,27 +67,27 @@ def read_rows(
 
     None where its columns cannot be used; raises BadInput for a file without cells, and for a cross table.
     """
-    cells = read_cells(path, name, faults)
+    cells = read_table_cells(path, name, faults)
     if not cells.rows:
         raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
     names = [cell.partition("[")[0].strip().lower() for cell in cells.heading]
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
         faults += [f"--sd {text}: this table has a column 'sd' for it" for text in options.sd]
-        return None if tidy is None else table_of(cells, tidy, faults, options)
+        return None if tidy is None else table_from_cells(cells, tidy, faults, options)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
-    cells, assumed = upright(cells, interview), len(interview.assumptions)
+    cells, assumed = transpose_sideways_table(cells, interview), len(interview.assumptions)
     columns = understand_columns(cells, options, interview, faults)
     cells = fill_down(cells, columns, options, interview)
     columns = list(without_labels(columns, cells))
-    table = table_of(cells, columns, faults, options)
-    for words in (*table.notes, *cell_notes(cells, columns)):
+    table = table_from_cells(cells, columns, faults, options)
+    for words in (*table.notes, *notes_on_cells(cells, columns)):
         interview.assume(words)
     return replace(table, notes=tuple(interview.assumptions[assumed:]))
 
 
-def upright(cells: Cells, interview: Interview) -> Cells:
+def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
     """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
     telling = ("observable", "condition", *SCATTER)
     names = [row[0] for _, row in cells.rows], cells.heading[1:]
@@ -97,11 +97,11 @@ def upright(cells: Cells, interview: Interview) -> Cells:
         return cells
     meaning = "rows and columns are exchanged: the headings stand in the first column"
     question = f"{cells.file}: the headings seem to stand in the first column. Exchange rows and columns"
-    if not interview.confirm(question, meaning):
+    if not interview.ask_yes_or_no(question, meaning):
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return write_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+    return convert_units(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:
@@ -134,7 +134,7 @@ def without_labels(columns: Sequence[Column], cells: Cells) -> Iterator[Column]:
         yield replace(column, role="remark") if apart and column.role == "n" else column
 
 
-def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
+def notes_on_cells(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
     """What is assumed of the cells of a laboratory's table."""
     for column in (each for each in columns if each.role in SPREAD_WORDS):
         if any(sign in row[column.place] for _, row in cells.lines for sign in ("±", "+-", "+/-")):
@@ -156,11 +156,11 @@ def with_limits(table: Table, interview: Interview) -> Table:
         if not unseen or not above_zero:
             continue
         unit = above_zero[0].unit
-        limit = min(unit_factor(row, unit, table.file) * row.value for row in above_zero)
+        limit = min(value_unit_factor(row, unit, table.file) * row.value for row in above_zero)
         source = "the least limit of the table" if limits else "the least value that was seen"
         interview.assume(
             f"{name}: 0 and no transport are read as '<{cell_text(limit)}' {unit}, {source}, in "
-            f"{listed_rows(unseen)}; write '<' and the least value that is seen where it is another"
+            f"{row_list_text(unseen)}; write '<' and the least value that is seen where it is another"
         )
         below = {"value": limit, "unit": unit, "censored": True, "reach": -inf, "sd": nan}
         rows = [replace(r, **below) if r.observable == name and is_unseen(r) else r for r in table.rows]
@@ -207,9 +207,9 @@ def study_measurements(
     if faults:
         raise BadInput(*faults)
     rows = [row for row in table.rows if row.observable in file.observables]
-    scales = condition_scales(table, file, places or {})
+    scales = unit_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
-    factors = np.array([unit_factor(row, units[row.observable], table.file) for row in rows])
+    factors = np.array([value_unit_factor(row, units[row.observable], table.file) for row in rows])
     limits = [
         censoring_limit(row, float(factor), file.observables[row.observable], table.file)
         for row, factor in zip(rows, factors, strict=True)
@@ -227,7 +227,7 @@ def study_measurements(
         censored=np.array([row.censored for row in rows], dtype=np.bool_),
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
-        table_units=TableUnits(value_scales(rows, units), scales),
+        table_units=TableUnits(observable_unit_scales(rows, units), scales),
         reach=factors * np.array([row.reach for row in rows]),
         condition_sd={  # NaN where a condition is exact
             name: np.array([scale.factor * row.condition_sd.get(name, nan) for row in rows])
@@ -235,19 +235,19 @@ def study_measurements(
             if any(row.condition_sd.get(name) for row in rows)
         },
         drawn=tuple(row.draw for row in rows),
-        heap=heaps_of(rows),
+        heap=heap_of_rows(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )
-    notes = [*ignored_notes(table, file), *error_notes(measurements)]
+    notes = [*notes_on_unused_columns(table, file), *notes_on_condition_errors(measurements)]
     return measurements, [*table.notes, *notes]
 
 
-def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
+def unit_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every condition of a study; raises BadInput where a unit does not fit."""
-    return {column: column_scale(table, column, places.get(column)) for column in file.conditions}
+    return {column: condition_column_scale(table, column, places.get(column)) for column in file.conditions}
 
 
-def column_scale(table: Table, column: str, place: str | None) -> Scale:
+def condition_column_scale(table: Table, column: str, place: str | None) -> Scale:
     """Scale of a condition from its unit in the table to that of the place it sets; None: SI."""
     unit = table.units[table.conditions.index(column)]
     if unit is None:
@@ -264,18 +264,18 @@ def column_scale(table: Table, column: str, place: str | None) -> Scale:
     return scale
 
 
-def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
+def heap_of_rows(rows: Sequence[Row]) -> tuple[str, ...]:
     """Heap of each row: the repeat that is named, else the line of a laboratory's table, else the set-up."""
     lines = Counter(row.line for row in rows)
 
-    def heap(row: Row) -> str:
+    def heap_of_row(row: Row) -> str:
         if row.repeat:
             return f"{row.group}, repeat {row.repeat}"
         if lines[row.line] > 1:
             return f"row {row.line}"
         return row.source if PLACE.fullmatch(row.source) else row.group
 
-    return tuple(map(heap, rows))
+    return tuple(map(heap_of_row, rows))
 
 
 def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str) -> str:
@@ -289,7 +289,7 @@ def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str
     return unit
 
 
-def unit_factor(row: Row, unit: str, file: str) -> float:
+def value_unit_factor(row: Row, unit: str, file: str) -> float:
     """Factor from a row's unit to the model's."""
     factor = conversion(parse_unit(row.unit), parse_unit(unit))
     if factor is None:
@@ -297,7 +297,7 @@ def unit_factor(row: Row, unit: str, file: str) -> float:
     return factor
 
 
-def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Scale]:
+def observable_unit_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every observable, from the unit that most of its rows have to that of the model."""
     scales = {}
     for name, unit in units.items():
@@ -325,7 +325,7 @@ def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) 
     )
 
 
-def error_notes(measurements: Measurements) -> list[str]:
+def notes_on_condition_errors(measurements: Measurements) -> list[str]:
     """Conditions whose stated values have errors."""
     notes = []
     for name, sd in measurements.condition_sd.items():
@@ -339,7 +339,7 @@ def error_notes(measurements: Measurements) -> list[str]:
     return notes
 
 
-def ignored_notes(table: Table, file: StudyFile) -> Iterator[str]:
+def notes_on_unused_columns(table: Table, file: StudyFile) -> Iterator[str]:
     """Observables that the study does not name, and conditions that vary and do not enter the model."""
     other = [row.observable for row in table.rows if row.observable not in file.observables]
     for name in dict.fromkeys(other):
@@ -352,7 +352,7 @@ def ignored_notes(table: Table, file: StudyFile) -> Iterator[str]:
             yield f"{column} varies in {table.file}, but is not under [conditions]: the model is not told."
 
 
-def column_faults(
+def value_faults(
     table: Table, name: str, allowed: PhysicalRange | None, usual_value: float = nan, usual: bool = True
 ) -> Iterator[str]:
     """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
@@ -362,10 +362,10 @@ def column_faults(
     """
     if allowed is None:
         return
-    cells = known_cells(table, name, allowed)
-    wrong = [each for each in cells if not allowed.possible(each[3])]
+    cells = cells_in_range_unit(table, name, allowed)
+    wrong = [each for each in cells if not allowed.is_possible(each[3])]
     odd = [each for each in cells if not allowed.is_usual(each[3])]
-    meanings = likely_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
+    meanings = plausible_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
     near_own = usual_value > 0.0 and all(
         usual_value / NEAR_SCENE <= used <= usual_value * NEAR_SCENE for *_, used in odd
     )
@@ -375,14 +375,14 @@ def column_faults(
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"
-        outside = "which is unusual" if allowed.possible(used) else span
+        outside = "which is unusual" if allowed.is_possible(used) else span
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
         message = f"{name} = {text}{also}, {outside}{more}; check number and unit{hint}"
         yield f"{table.file}: row {row.line}, {message}"
 
 
-def known_cells(
+def cells_in_range_unit(
     table: Table, name: str, allowed: PhysicalRange
 ) -> list[tuple[Row, float, str | None, float]]:
     """Rows of a condition or an observable with their values, as written and in the unit of a range."""
@@ -391,12 +391,12 @@ def known_cells(
         cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
     else:
         cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
-    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
+    scaled = [(row, value, unit, range_scale(unit, allowed)) for row, value, unit in cells if isfinite(value)]
     return [(row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale]
 
 
 def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
     """Values that can be and are not usual, in words: they may be slips."""
-    for row, value, unit, used in known_cells(table, name, allowed) if allowed else ():
+    for row, value, unit, used in cells_in_range_unit(table, name, allowed) if allowed else ():
         if allowed and not allowed.is_usual(used):
             yield f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"

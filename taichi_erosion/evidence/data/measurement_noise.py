@@ -88,12 +88,12 @@ def moderate_variance(variance: Floats, freedom: Floats, shapes: Floats) -> tupl
     positive = variance[variance > 0.0]
     if positive.size == 0:
         return np.full(variance.size, np.nan), 0.0
-    shape = likely_shape(variance, freedom, shapes) ** 2
+    shape = likeliest_scatter_shape(variance, freedom, shapes) ** 2
     relative = np.maximum(variance / shape, LEAST_VARIANCE * np.median(positive / shape[variance > 0.0]))
     pooled = float(np.sum(freedom * variance / shape) / np.sum(freedom))
     whole = float(np.sum(freedom))
     even = pooled * shape * whole / max(whole - 2.0, 1.0), whole
-    if variance.size < 2 or uneven_p(relative, freedom) > UNEVEN:
+    if variance.size < 2 or equal_variance_p(relative, freedom) > UNEVEN:
         return even
     level = np.log(relative) - special.digamma(freedom / 2.0) + np.log(freedom / 2.0)
     spread = float(np.var(level, ddof=1))
@@ -111,27 +111,27 @@ def moderate_variance(variance: Floats, freedom: Floats, shapes: Floats) -> tupl
     return shape * mixed * total / (total - 2.0), 2.0 * variance.size / spread
 
 
-def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
+def likeliest_scatter_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
     """Variation of the scatter over the rows: the first of the shapes (k, n) unless another is much likelier.
 
         ln L = -1/2 sum nu_i ln(s_0^2 h_i^2),    s_0^2 = sum nu_i s_i^2 / h_i^2 / sum nu_i
 
     No row is given less than LEAST_SHAPE of the typical sd: a value near zero has more than a relative error.
     """
-    bounded = bounded_shapes(shapes)
+    bounded = normalise_scatter_shapes(shapes)
     pooled = np.sum(freedom * variance / bounded**2, axis=1) / np.sum(freedom)
     fit = -0.5 * (np.sum(freedom) * np.log(pooled) + np.sum(freedom * np.log(bounded**2), axis=1))
     best = int(np.argmax(fit))
     return bounded[best if fit[best] > fit[0] + SHAPE_GAIN else 0]
 
 
-def bounded_shapes(shapes: Floats) -> Floats:
+def normalise_scatter_shapes(shapes: Floats) -> Floats:
     """Shapes (k, n) over their typical values, none below LEAST_SHAPE of it."""
     usual = np.median(shapes, axis=1, keepdims=True)
     return np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
 
 
-def uneven_p(variance: Floats, freedom: Floats) -> float:
+def equal_variance_p(variance: Floats, freedom: Floats) -> float:
     """Chance that sample variances of equal scatters differ as much.
 
     Reference: Bartlett (1937), Proc. R. Soc. A 160, 268.
@@ -158,19 +158,19 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
         )
     finite = np.isfinite(variance)
     if finite.any():
-        off = disagreeing(z, [weight := repeats / variance], cell, True)
-        squares, between = pure_error(np.where(off, nan, z), weight, cell)
+        off = rows_against_repeats(z, [weight := repeats / variance], cell, True)
+        squares, between = pure_error_squares(np.where(off, nan, z), weight, cell)
         variance = np.where(finite, variance, np.nanmedian(variance))
-        return corrected_by_repeats(variance, squares, between, own_variance, off)
-    off = disagreeing(z, list(repeats / bounded_shapes(shapes) ** 2), cell, False)
-    squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
+        return scale_variance_by_repeats(variance, squares, between, own_variance, off)
+    off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
+    squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
     return Scatter(variance, 0.0, own_variance, nan, nan, (max(own_variance - 2.0, 0.0), own_variance), off)
 
 
-def corrected_by_repeats(
+def scale_variance_by_repeats(
     variance: Floats, squares: float, between: int, own_variance: float, off: Bools
 ) -> Scatter:
     """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
@@ -178,13 +178,13 @@ def corrected_by_repeats(
         return Scatter(variance, 0.0, own_variance, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
     tail = float(special.chdtrc(between, squares))
-    grid, share = factors(squares, between)
+    grid, share = sd_factor_distribution(squares, between)
     scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
     p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
     return Scatter(variance * scale, float(between), own_variance, factor, p, pure, off)
 
 
-def repeat_groups(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
+def group_repeats(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
     """Groups of repeats, which have one number in `cell`, and their squares; a NaN leaves a row out."""
     finite = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
     _, number = np.unique(cell[finite], return_inverse=True)
@@ -194,13 +194,13 @@ def repeat_groups(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integer
     return groups, np.array(squares)
 
 
-def pure_error(z: Floats, weight: Floats, cell: Floats) -> tuple[float, int]:
+def pure_error_squares(z: Floats, weight: Floats, cell: Floats) -> tuple[float, int]:
     """Squares of all repeats about their means, and their degrees of freedom."""
-    groups, squares = repeat_groups(z, weight, cell)
+    groups, squares = group_repeats(z, weight, cell)
     return float(squares.sum()), sum(rows.size - 1 for rows in groups)
 
 
-def gross(groups: Sequence[Integers], squares: Floats, is_stated: bool) -> Bools:
+def gross_groups(groups: Sequence[Integers], squares: Floats, is_stated: bool) -> Bools:
     """Which groups disagree grossly; none where more than a quarter do: then the scatter itself is uneven.
 
     Without a stated sd repeats that agree differ by the least difference that is seen: values are rounded.
@@ -215,7 +215,7 @@ def gross(groups: Sequence[Integers], squares: Floats, is_stated: bool) -> Bools
         others = np.repeat(np.delete(typical, k), np.delete(freedom, k))
         sharp, scale, chance = EFFICIENCY * others.size, float(np.median(others)) if others.size else 0.0, 1.0
         if is_stated:
-            grid, share = factors(scale * sharp, sharp)
+            grid, share = sd_factor_distribution(scale * sharp, sharp)
             chance = float(share @ special.chdtrc(degrees, squares[k] * np.exp(-2.0 * grid)))
         elif sharp:
             rest = np.delete(squares, k).sum() / others.size  # few groups: their mean is sharper
@@ -225,7 +225,7 @@ def gross(groups: Sequence[Integers], squares: Floats, is_stated: bool) -> Bools
     return is_gross & (is_gross.sum() <= max(1, freedom.size // 4))
 
 
-def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
+def sd_factor_distribution(squares: float, freedom: float) -> tuple[Floats, Floats]:
     """Grid of ln(true / stated sd) and its probabilities, given squares of repeats over stated variances.
 
     Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for
@@ -240,26 +240,26 @@ def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
     return grid, weight / weight.sum()
 
 
-def disagreeing(z: Floats, weights: Sequence[Floats], cell: Floats, with_sd: bool) -> Bools:
+def rows_against_repeats(z: Floats, weights: Sequence[Floats], cell: Floats, with_sd: bool) -> Bools:
     """Rows that disagree grossly with their repeats, under every one of some weights; both rows of a pair."""
     off = np.zeros(z.size, dtype=np.bool_)
     while True:
-        ways = [repeat_groups(np.where(off, nan, z), weight, cell) for weight in weights]
-        bad = np.all([gross(*way, with_sd) for way in ways], axis=0)
+        ways = [group_repeats(np.where(off, nan, z), weight, cell) for weight in weights]
+        bad = np.all([gross_groups(*way, with_sd) for way in ways], axis=0)
         if not bad.any():
             return off
         for k in np.flatnonzero(bad):
             rows = ways[0][0][k]
-            off[rows if rows.size == 2 else farthest(z, rows, rows)] = True
+            off[rows if rows.size == 2 else row_farthest_from_median(z, rows, rows)] = True
 
 
-def farthest(z: Floats, rows: Integers, others: Integers) -> Integers:
+def row_farthest_from_median(z: Floats, rows: Integers, others: Integers) -> Integers:
     """The row farthest from the median of others; all where it lies less than twice as far as the nearest."""
     away = np.abs(z[rows] - np.median(z[others]))
     return rows[[np.argmax(away)]] if away.max() > 2.0 * away.min() else rows
 
 
-def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]) -> Integers:
+def suspect_rows_of_group(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]) -> Integers:
     """Rows of a group to check; of a pair the one farthest from those of the nearest conditions, by ranks."""
     sound = np.flatnonzero(~off & np.isfinite(z))
     if not off[rows].all() or not sound.size:
@@ -267,10 +267,10 @@ def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]
     columns = [np.nan_to_num(column) for column in conditions]
     ranks = [np.searchsorted(np.sort(x), x) + np.searchsorted(np.sort(x), x, "right") for x in columns]
     far = np.sum([(rank[sound] - rank[rows[0]]) ** 2 for rank in ranks], axis=0) + np.zeros(sound.size)
-    return farthest(z, rows, sound[np.argsort(far, kind="stable")[:NEAREST]])
+    return row_farthest_from_median(z, rows, sound[np.argsort(far, kind="stable")[:NEAREST]])
 
 
-def lack_of_fit(parts: Iterable[tuple[float, float, float, float]]) -> float:
+def lack_of_fit_p_value(parts: Iterable[tuple[float, float, float, float]]) -> float:
     """Chance that repeats scatter as far as their means lie from a model; NaN where none differ.
 
     `parts`, by observable: SS - SS_in, n - p - nu_in, SS_pe and nu_pe; one F test for all of them together.

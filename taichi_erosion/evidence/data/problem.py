@@ -82,16 +82,16 @@ class Measurements:
         return len(self.observable)
 
     @property
-    def lines(self) -> tuple[int, ...]:
+    def table_line_numbers(self) -> tuple[int, ...]:
         """Row of each measurement in the user's table."""
         return self.line or tuple(range(2, self.size + 2))
 
-    def rows(self, chosen: Integers | Bools) -> "Measurements":
+    def pick_rows_at(self, chosen: Integers | Bools) -> "Measurements":
         """The table restricted to some rows, in the order given."""
-        return replace(self, **pick_rows(vars(self) | {"line": self.lines}, chosen))
+        return replace(self, **pick_rows(vars(self) | {"line": self.table_line_numbers}, chosen))
 
     @property
-    def reaches(self) -> Floats:
+    def half_widths(self) -> Floats:
         """How far the true value may lie from `limit`, 0 for an ordinary row."""
         below = np.full(self.size, -np.inf)
         return np.where(self.censored, below if self.reach is None else self.reach, 0.0)
@@ -211,15 +211,15 @@ class Problem:
         """Names of the candidates, in the order of the study."""
         return [candidate.name for candidate in self.candidates]
 
-    def visible(self) -> Measurements:
+    def visible_rows(self) -> Measurements:
         """The rows outside the vault."""
         keep = np.ones(self.measurements.size, dtype=np.bool_)
         keep[self.vault.rows] = False
-        return self.measurements.rows(keep)
+        return self.measurements.pick_rows_at(keep)
 
-    def vault_rows(self) -> Measurements:
+    def measurements_in_vault(self) -> Measurements:
         """The rows inside the vault."""
-        return self.measurements.rows(self.vault.rows)
+        return self.measurements.pick_rows_at(self.vault.rows)
 
 
 FaultKind = Literal[

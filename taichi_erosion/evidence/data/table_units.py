@@ -31,17 +31,17 @@ class TableUnits:
         conditions = {name: Scale(**entry) for name, entry in stored.get("conditions", {}).items()}
         return TableUnits(values, conditions)
 
-    def record(self) -> dict[str, Any]:
+    def units_as_tables(self) -> dict[str, Any]:
         """The same as plain tables."""
         return asdict(self)
 
     def value_unit(self, observable: str) -> str:
         """Unit of an observable; empty for a pure number."""
-        return shown_unit(self.values.get(observable, Scale()))
+        return unit_or_empty(self.values.get(observable, Scale()))
 
     def condition_unit(self, name: str) -> str:
         """Unit of a condition; empty for a pure number."""
-        return shown_unit(self.conditions.get(name, Scale()))
+        return unit_or_empty(self.conditions.get(name, Scale()))
 
     def value(self, observable: str, number: float | None) -> float | None:
         """Value, or difference of values, of an observable; values are counted from 0 in every unit."""
@@ -49,28 +49,28 @@ class TableUnits:
 
     def condition(self, name: str, number: float) -> float:
         """Number of a condition."""
-        return self.conditions.get(name, Scale()).to_table(number)
+        return self.conditions.get(name, Scale()).to_unit_of_table(number)
 
     def value_text(self, observable: str, number: float, digits: int = 3) -> str:
         """`25.3 cm/s`."""
         scale = self.values.get(observable, Scale())
-        return with_unit(plain(number / scale.factor, digits), shown_unit(scale))
+        return with_unit(plain(number / scale.factor, digits), unit_or_empty(scale))
 
     def condition_text(self, name: str, number: float) -> str:
         """`230 um`."""
         return with_unit(plain(self.condition(name, number)), self.condition_unit(name))
 
-    def setting_text(self, conditions: Mapping[str, float]) -> str:
+    def conditions_text(self, conditions: Mapping[str, float]) -> str:
         """`diameter = 230 um, moisture = 2 %`; conditions that were not written down are left out."""
         finite = {name: number for name, number in conditions.items() if isfinite(number)}
         return ", ".join(f"{name} = {self.condition_text(name, number)}" for name, number in finite.items())
 
-    def size_text(self, name: str, number: float) -> str:
+    def condition_size_text(self, name: str, number: float) -> str:
         """A condition by which another value of it is divided: in its unit where that counts from 0."""
         scale = self.conditions.get(name, Scale())
         return plain(number) if scale.origin else self.condition_text(name, number)
 
 
-def shown_unit(scale: Scale) -> str:
+def unit_or_empty(scale: Scale) -> str:
     """Unit as written; empty for a pure number."""
     return "" if scale.unit in PURE else scale.unit

@@ -19,18 +19,18 @@ def to_scale(observable: Observable, value: Floats) -> Floats:
     """Comparison scale of values: y, ln y or ln(y + floor); NaN where it does not exist."""
     if observable.transform == "identity":
         return np.asarray(value, dtype=float)
-    raised = np.asarray(value, dtype=float) + offset(observable)
+    raised = np.asarray(value, dtype=float) + logarithm_offset(observable)
     if raised.size and raised.min() > 0.0:
         return np.log(raised)
     return np.where(raised > 0.0, np.log(np.where(raised > 0.0, raised, 1.0)), np.nan)
 
 
-def from_scale(observable: Observable, scaled: Floats) -> Floats:
+def unscale(observable: Observable, scaled: Floats) -> Floats:
     """Values in the observable's own unit."""
     if observable.transform == "identity":
         return np.asarray(scaled, dtype=float)
     raised = np.exp(np.clip(scaled, -700.0, 700.0))
-    value = raised - offset(observable)
+    value = raised - logarithm_offset(observable)
     return np.where(np.abs(value) <= ROUNDING * raised, 0.0, value)
 
 
@@ -38,11 +38,11 @@ def slope(observable: Observable, value: Floats) -> Floats:
     """Derivative dz/dy of the comparison scale, by which an sd in the observable's unit is multiplied."""
     if observable.transform == "identity":
         return np.ones_like(np.asarray(value, dtype=float))
-    raised = np.asarray(value, dtype=float) + offset(observable)
+    raised = np.asarray(value, dtype=float) + logarithm_offset(observable)
     return np.where(raised > 0.0, 1.0 / np.where(raised > 0.0, raised, 1.0), np.nan)
 
 
-def offset(observable: Observable) -> float:
+def logarithm_offset(observable: Observable) -> float:
     """Constant added before the logarithm, in the observable's unit."""
     return observable.floor if observable.transform == "log_floor" else 0.0
 
@@ -93,7 +93,7 @@ def axis_position(axis: Axis, value: float) -> float:
     return (value - axis.start) / axis.scale
 
 
-def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], dict[str, float]]:
+def split_numbers(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], dict[str, float]]:
     """Parameters by path and adopted effects by name."""
     parameters, effects = {}, {}
     for axis, position in zip(axes, x, strict=True):
@@ -110,7 +110,7 @@ def is_strength(path: str) -> bool:
     return path.startswith(EFFECTS) and path.endswith(STRENGTH)
 
 
-def effect_of(path: str) -> str | None:
+def effect_at(path: str) -> str | None:
     """Effect to which a parameter belongs, None for any other path."""
     return path.split(".")[1] if path.startswith(EFFECTS) else None
 
@@ -143,7 +143,7 @@ class Working:
     deviances: Floats  # (columns,), -2 ln likelihood without its constant
 
     @property
-    def deviance(self) -> float:
+    def censored_deviance(self) -> float:
         """Deviance of a single column."""
         return float(self.deviances)
 
@@ -162,14 +162,14 @@ def working(residual: Floats, reach: Floats) -> Working:
     if not censored.any():
         return Working(residual, np.ones_like(residual), np.sum(residual**2, axis=0))
     u = residual[censored]
-    log_share, score, curvature = censored_terms(u, reach[censored].reshape(-1, *([1] * (u.ndim - 1))))
+    log_share, score, curvature = censored_score(u, reach[censored].reshape(-1, *([1] * (u.ndim - 1))))
     weight, adjusted = np.ones_like(residual), residual.copy()
     weight[censored] = np.sqrt(curvature)
     adjusted[censored] = -score / np.sqrt(curvature)
     return Working(adjusted, weight, np.sum(residual[~censored] ** 2, axis=0) - 2.0 * log_share.sum(axis=0))
 
 
-def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
+def censored_score(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     """Ln probability, score and curvature of censored values; both ends in the lower tail by symmetry."""
     low = np.where(reach == np.inf, u, np.where(reach == -np.inf, -np.inf, u - np.abs(reach)))
     high = np.where(reach == np.inf, np.inf, np.where(reach == -np.inf, u, u + np.abs(reach)))

@@ -21,7 +21,7 @@ from taichi_erosion.evidence.models.simulator import (
     SceneMeasure,
     Simulator,
     condition_matters,
-    parameter_matters,
+    parameter_can_change_run,
 )
 from taichi_erosion.mechanisms.library import dose_at, dose_position
 from taichi_erosion.scene import Scene
@@ -63,7 +63,7 @@ class StudyScene:
     proposed_rows: tuple[Row, ...] = ()  # conditions that could be measured
 
     @property
-    def centre(self) -> Numbers:
+    def mid_prior_numbers(self) -> Numbers:
         """Calibrated numbers in the middle of their priors."""
         return {axis.name: axis_value(axis, 0.0) for axis in self.axes}
 
@@ -103,13 +103,13 @@ PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1, 2), "full": PlanSize(20, 20, 6, 1
 def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     """Distinct conditions that a run with some effects can depend on, where all of them can act."""
     path, simulator = scene.measure.scene, scene.simulator
-    present = {*effects, *simulator.acting_effects(path)}
+    present = {*effects, *simulator.effects_acting_in_scene(path)}
     read = {name for effect in present for name in simulator.library[effect].reads}
     able = (row for row in scene.rows if all(simulator.can_act(effect, path, row) for effect in effects))
-    return distinct_rows(able, lambda path: condition_matters(path, read))
+    return distinct_condition_sets(able, lambda path: condition_matters(path, read))
 
 
-def distinct_rows(rows: Iterable[Row], matters: Callable[[str], bool]) -> list[Row]:
+def distinct_condition_sets(rows: Iterable[Row], matters: Callable[[str], bool]) -> list[Row]:
     """Conditions that are stated and matter, each set of them once."""
     sets = ({path: x for path, x in row.items() if np.isfinite(x) and matters(path)} for row in rows)
     return list({tuple(sorted(row.items())): row for row in sets}.values())
@@ -117,42 +117,42 @@ def distinct_rows(rows: Iterable[Row], matters: Callable[[str], bool]) -> list[R
 
 def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
-    present = {*effects, *scene.simulator.acting_effects(scene.measure.scene)}
-    return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
+    present = {*effects, *scene.simulator.effects_acting_in_scene(scene.measure.scene)}
+    return [axis for axis in scene.axes if parameter_can_change_run(axis.name, present)]
 
 
-def calibrated_scene(scene: StudyScene, numbers: Numbers) -> Scene:
+def scene_with_numbers(scene: StudyScene, numbers: Numbers) -> Scene:
     """The scene with calibrated numbers, in which nothing is missing."""
     words = scene.simulator.overrides(scene.measure, {}, numbers, {})
-    return scene.simulator.scene(scene.measure.scene, words)
+    return scene.simulator.load_scene_at(scene.measure.scene, words)
 
 
-def calibrated_factors(scene: StudyScene) -> dict[str, str]:
+def mechanisms_scaling_numbers(scene: StudyScene) -> dict[str, str]:
     """Mechanisms that are a factor of a calibrated number, with its path: a half of them is half of it."""
-    simulator, start, factors = scene.simulator, scene.centre, {}
-    bare = calibrated_scene(scene, start)
+    simulator, start, factors = scene.simulator, scene.mid_prior_numbers, {}
+    bare = scene_with_numbers(scene, start)
     for effect in (simulator.library[name] for name in simulator.mechanisms):
         if effect.place == "scene":
             halved = effect.act(effect.params(dose=-0.5), 1.0, {}, bare)
             for path, value in start.items():
-                if halved != bare and calibrated_scene(scene, start | {path: 0.5 * value}) == halved:
+                if halved != bare and scene_with_numbers(scene, start | {path: 0.5 * value}) == halved:
                     factors[effect.name] = path
     return factors
 
 
-def inactive_reason(scene: StudyScene, acting: Candidate | Mechanism) -> str | None:
+def why_effect_cannot_act(scene: StudyScene, acting: Candidate | Mechanism) -> str | None:
     """Why an effect of usual strength changes nothing that a scene measures, None where it may."""
     strength = 0.5 * acting.high if isinstance(acting, Mechanism) else expected_strength(acting)
     if not (rows := distinct_conditions(scene, (acting.name,))):
         return "none of the conditions lets it act"
     try:
-        inactive = all(leaves_readings(scene, acting.name, strength, row) for row in rows)
+        inactive = all(leaves_readings_unchanged(scene, acting.name, strength, row) for row in rows)
     except BadInput as error:
         return str(error)
     return f"{scene.measure.scene.name} does not depend on it" if inactive else None
 
 
-def leaves_readings(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
+def leaves_readings_unchanged(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
     """Whether an effect leaves the scene and all readings as they are."""
     from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
 
@@ -160,7 +160,7 @@ def leaves_readings(scene: StudyScene, name: str, strength: float, row: Row) -> 
     if effect.place not in ("scene", "instrument"):
         return False
     words = simulator.overrides(scene.measure, row, {}, {name: strength})
-    changed = simulator.scene(scene.measure.scene, words)
+    changed = simulator.load_scene_at(scene.measure.scene, words)
     after = effective_scene(changed, simulator.library)
     if effect.place == "scene":
         return after is changed
@@ -170,7 +170,7 @@ def leaves_readings(scene: StudyScene, name: str, strength: float, row: Row) -> 
     return all(effect.act(params, strength, conditions, measure, 1.0) == 1.0 for measure in measures)
 
 
-def spread_runs(
+def design_runs(
     scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize, tag: str
 ) -> list[TrainingRun]:
     """Runs of the bare model, with one effect, or along the dose of a mechanism: these serve any law of it.
@@ -178,19 +178,19 @@ def spread_runs(
     They spread over the reach of the priors, the conditions and strengths. Another tag makes other runs. None
     where what acts changes nothing that the scene measures.
     """
-    if acting is not None and inactive_reason(scene, acting) is not None:
+    if acting is not None and why_effect_cannot_act(scene, acting) is not None:
         return []
     names = () if acting is None else (acting.name,)
 
     def strength(_: str, share: float, __: Row) -> float:
         assert acting is not None
-        return strength_at(acting, share)
+        return strength_at_share(acting, share)
 
     key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
-    return sampled_runs(scene, names, run_count(scene, acting, size), key, (spread_parameter, strength), 2)
+    return sobol_runs(scene, names, design_size(scene, acting, size), key, (number_at_share, strength), 2)
 
 
-def run_count(scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize) -> int:
+def design_size(scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize) -> int:
     """Runs of a design: more where more conditions or calibrated numbers can enter."""
     bare = len(relevant_axes(scene, ()))
     if acting is None:
@@ -203,7 +203,7 @@ def run_count(scene: StudyScene, acting: Candidate | Mechanism | None, size: Pla
     return least + size.condition * (varying + len(relevant_axes(scene, names)) - bare)
 
 
-def strength_at(acting: Candidate | Mechanism, share: float) -> float:
+def strength_at_share(acting: Candidate | Mechanism, share: float) -> float:
     """A strength from weak to strong, or a dose, as often below 0 as above where its range has both."""
     if isinstance(acting, Mechanism):
         low, high = dose_position(acting.low), dose_position(acting.high)
@@ -214,7 +214,7 @@ def strength_at(acting: Candidate | Mechanism, share: float) -> float:
     return low + (high - low) * share**WARP
 
 
-def spread_parameter(axis: Axis, share: float) -> float:
+def number_at_share(axis: Axis, share: float) -> float:
     """A calibrated number within the reach of its prior."""
     low, high = max(axis.low, -REACH), min(axis.high, REACH)
     return axis_value(axis, low + (high - low) * share)
@@ -226,22 +226,22 @@ def refinement_runs(
     """Runs about one explanation, within limits of strengths and doses, with fresh seeds."""
     names = tuple(name for name, strength in about.effects.items() if strength != 0.0)
 
-    def strength(name: str, share: float, row: Row) -> float:
+    def jitter_strength(name: str, share: float, row: Row) -> float:
         least = LEAST_DOSE * abs(about.effects[name])
         strengths = sorted({each[name] for each in about.at(row) if abs(each[name]) >= least}) or [least]
         place, jitter = divmod(share * len(strengths), 1.0)
         jittered = strengths[int(place)] * (1.0 + JITTER_STRENGTH * (2.0 * jitter - 1.0))
         return float(np.clip(jittered, *limits[name]))
 
-    def parameter(axis: Axis, share: float) -> float:
+    def jitter_number(axis: Axis, share: float) -> float:
         value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
         new_value = value * float(np.exp(shift)) if axis.logarithmic else value + shift
         return float(np.clip(new_value, axis_value(axis, axis.low), axis_value(axis, axis.high)))
 
-    return sampled_runs(scene, names, count, f"{key}|{names}", (parameter, strength), len(names) + 1)
+    return sobol_runs(scene, names, count, f"{key}|{names}", (jitter_number, jitter_strength), len(names) + 1)
 
 
-def sampled_runs(
+def sobol_runs(
     scene: StudyScene,
     names: Sequence[str],
     count: int,
@@ -255,7 +255,7 @@ def sampled_runs(
     conditions; `more` counts the dimensions beside the calibrated numbers.
     """
     rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
-    centre = {name: round_number(value) for name, value in scene.centre.items()}
+    centre = {name: round_number(value) for name, value in scene.mid_prior_numbers.items()}
     (parameter, strength), runs = values, []
     start = np.random.default_rng(int.from_bytes(sha256(key.encode()).digest()[:4], "little"))
     sobol = scipy.stats.qmc.Sobol(len(free) + more, scramble=True, rng=start)
@@ -266,11 +266,11 @@ def sampled_runs(
         acting = {
             n: round_number(strength(n, s, row)) for n, s in zip(names, point[len(free) :], strict=False)
         }
-        runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, seed_of(key, number)))
+        runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, design_seed(key, number)))
     return runs
 
 
-def seed_of(key: str, number: int) -> int:
+def design_seed(key: str, number: int) -> int:
     """Seed of one run of a design."""
     return int.from_bytes(sha256(f"{key}|{number}".encode()).digest()[:4], "little") % SEEDS + 1
 

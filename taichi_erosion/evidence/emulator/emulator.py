@@ -17,7 +17,7 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.errors import SimulationStopped
-from taichi_erosion.evidence.data.heap_correlation import shrink
+from taichi_erosion.evidence.data.heap_correlation import shrink_correlation
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Conditions,
@@ -30,19 +30,19 @@ from taichi_erosion.evidence.data.problem import (
     expected_strength,
     row_count,
 )
-from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
+from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, slope, to_scale, unscale
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.gaussian_process import (
     ActiveInputs,
     GaussianProcess,
     JointErrors,
     Points,
+    consecutive_slices,
     fit_gaussian_process,
     joint_errors,
-    slices,
 )
 from taichi_erosion.evidence.models import simulator
-from taichi_erosion.evidence.models.predictor import AxisScale, axis_scale
+from taichi_erosion.evidence.models.predictor import AxisScale, axis_scale_of
 from taichi_erosion.mechanisms.library import dose_position
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
@@ -71,11 +71,11 @@ class EmulatorInputs:
     factors: Mapping[str, str] = field(default_factory=dict)  # mechanism -> number of which it is a factor
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names_of_effects(self) -> tuple[str, ...]:
         """Effects and mechanisms in the order of their inputs."""
         return (*(candidate.name for candidate in self.candidates), *self.mechanisms)
 
-    def points(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
+    def standardise(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
         """Standardised inputs of rows; everything is a column; a factor of a number is that number."""
         none = np.full(size, np.nan)
         conditions, values = at or {"": none}, dict(parameters)
@@ -83,7 +83,7 @@ class EmulatorInputs:
             values[path] = values[path] * (1.0 + np.asarray(effects.get(name, 0.0)))
         x = [[axis_position(axis, float(v)) for v in values[axis.name]] for axis in self.axes]
         c = [scale(conditions.get(path, none)) for path, scale in self.scales.items()]
-        acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names}
+        acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names_of_effects}
         psi = [self.strength(each, conditions, parameters, acting[each.name]) for each in self.candidates]
         psi += [dose_position(acting[name]) for name in self.mechanisms]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
@@ -95,24 +95,24 @@ class EmulatorInputs:
         if not strengths.any():
             return np.zeros(strengths.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
-        conditions = self.scene.simulator.known_conditions(at, scene)
+        conditions = self.scene.simulator.stated_columns(at, scene)
         prefix = f"{EFFECTS}{effect.name}."
         values = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
-        numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **values}
+        numbers = {**self.scene.simulator.scene_numbers_of(scene, effect.name), **values}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         with failures_of(effect, "dose"):
             dose = np.where(effect.can_act(conditions), effect.dose(params, conditions), 0.0)
         return strength_position(strengths / expected_strength(candidate) * dose)
 
-    def active(self) -> ActiveInputs:
+    def active_inputs(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
         library = self.scene.simulator.library
-        bare = self.scene.simulator.acting_effects(self.scene.measure.scene)
+        bare = self.scene.simulator.effects_acting_in_scene(self.scene.measure.scene)
         conditions, numbers = list[list[bool]](), list[list[bool]]()
-        for present in (bare, *({*bare, name} for name in self.names)):
+        for present in (bare, *({*bare, name} for name in self.names_of_effects)):
             read = {name for effect in present for name in library[effect].reads}
             conditions.append([simulator.condition_matters(path, read) for path in self.scales])
-            numbers.append([simulator.parameter_matters(axis.name, present) for axis in self.axes])
+            numbers.append([simulator.parameter_can_change_run(axis.name, present) for axis in self.axes])
         return ActiveInputs(np.array(conditions, bool), np.array(numbers, bool))
 
 
@@ -139,10 +139,10 @@ class Emulator:
         """Predictions [seed, row]."""
         emulator = self.emulators[observable]
         mean = emulator.process.mean(request_points(emulator.inputs, conditions, parameters, effects))
-        return np.tile(from_scale(emulator.scale, mean), (len(seeds), 1))
+        return np.tile(unscale(emulator.scale, mean), (len(seeds), 1))
 
     @cached_property
-    def joint_errors(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
+    def joint_errors_by_scene(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
         """Observables of every scene, and the errors that their emulators share."""
         by_scene: dict[Path, list[str]] = {}
         for name, each in self.emulators.items():
@@ -156,22 +156,22 @@ class Emulator:
             errors[scene] = (tuple(names), joint)
         return errors
 
-    def uncertainty(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
+    def error_covariance(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
         places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
         for place, (observable, conditions, doses) in enumerate(queries):
             emulator = self.emulators[observable.name]
             places.setdefault(emulator.inputs.scene.measure.scene, []).append(place)
             points.append(request_points(emulator.inputs, conditions, parameters, {**effects, **doses}))
-            value = from_scale(emulator.scale, emulator.process.mean(points[-1]))
+            value = unscale(emulator.scale, emulator.process.mean(points[-1]))
             steepness.append(slope(observable, value) / slope(emulator.scale, value))
-        rows = slices([each.size for each in steepness])
+        rows = consecutive_slices([each.size for each in steepness])
         whole = np.zeros((rows[-1].stop,) * 2)
         for scene, indices in places.items():
-            names, joint = self.joint_errors[scene]
+            names, joint = self.joint_errors_by_scene[scene]
             chosen = [(names.index(queries[place][0].name), points[place]) for place in indices]
             at = np.concatenate([np.arange(rows[place].start, rows[place].stop) for place in indices])
-            whole[np.ix_(at, at)] = joint.covariance(chosen)
+            whole[np.ix_(at, at)] = joint.joint_error_covariance(chosen)
         return whole * np.outer(*[np.concatenate(steepness)] * 2)
 
 
@@ -186,7 +186,7 @@ def request_points(
     at = {path: column for name, column in conditions.items() for path in simulator.dotted_paths(name)}
     numbers = {axis.name: np.full(rows, parameters[axis.name]) for axis in inputs.axes}
     strengths = {name: np.broadcast_to(each, rows) for name, each in effects.items() if np.any(each)}
-    return inputs.points(rows, at, numbers, strengths)
+    return inputs.standardise(rows, at, numbers, strengths)
 
 
 def fit_emulators(
@@ -199,13 +199,13 @@ def fit_emulators(
     paths = dict.fromkeys(path for run in runs for path in run.at)
     at = {path: np.array([run.at.get(path, np.nan) for run in runs]) for path in paths}
     numbers = {axis.name: np.array([run.parameters[axis.name] for run in runs]) for axis in inputs.axes}
-    names = (*inputs.names, *inputs.factors)
+    names = (*inputs.names_of_effects, *inputs.factors)
     effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in names}
-    points = inputs.points(len(runs), at, numbers, effects)
+    points = inputs.standardise(len(runs), at, numbers, effects)
     emulators = {}
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
-        values = np.array([simulator.value_in_unit(result, measure) for result in results])
+        values = np.array([simulator.study_value(result, measure) for result in results])
         scale, finite = observables[name], values[np.isfinite(values)]
         if scale.transform == "identity" and finite.size and finite.min() > 0.0:
             scale = Observable(name, "log")
@@ -217,7 +217,7 @@ def fit_emulators(
             count = f"{good.sum()} of {len(results)} runs gave a value"
             raise SimulationStopped(f"{name}: {count}, {LEAST_RUNS} are needed{why}")
         training = Points(points.x[good], points.c[good], points.psi[good])
-        process = fit_gaussian_process(training, z[good], inputs.active())
+        process = fit_gaussian_process(training, z[good], inputs.active_inputs())
         typical = np.median(values[good], keepdims=True)
         steepness = float((slope(observables[name], typical) / slope(scale, typical))[0])
         emulators[name] = ObservableEmulator(
@@ -226,7 +226,7 @@ def fit_emulators(
     return emulators
 
 
-def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | None:
+def replicate_scatter(emulators: Mapping[str, ObservableEmulator]) -> Replicates | None:
     """Scatter of single runs, and its correlation among the observables of one scene.
 
     None where no two observables are seen to be correlated.
@@ -238,7 +238,7 @@ def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | 
         if one.inputs.scene is other.inputs.scene:
             correlation[a, b], freedom[a, b] = scatter_correlation(one, other)
             correlation[b, a], freedom[b, a] = correlation[a, b], freedom[a, b]
-    matrix = shrink(correlation, freedom)
+    matrix = shrink_correlation(correlation, freedom)
     if np.array_equal(matrix, np.eye(len(names))):
         return None
     return Replicates(names, np.array([each.run_sd for each in emulators.values()]), matrix)
@@ -262,13 +262,13 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
     return (float(a @ b) / np.sqrt(energy) if energy > 0.0 else 0.0), float(a.size)
 
 
-def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:
+def axis_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:
     """Scales of the conditions that vary and that the scene accepts."""
     scales: dict[str, AxisScale] = {}
     columns: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
-        scale = axis_scale(np.array(sorted({value for value in column if isfinite(value)})))
+        scale = axis_scale_of(np.array(sorted({value for value in column if isfinite(value)})))
         if scale is None or path not in accepted or column in columns:
             continue
         columns.add(column)  # one column of a table may set several paths

@@ -22,13 +22,13 @@ from scipy import special
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, Progress
-from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
-from taichi_erosion.evidence.emulator.design import Setting, StudyScene, distinct_conditions, seed_of
+from taichi_erosion.evidence.data.transforms import slope, to_scale, unscale
+from taichi_erosion.evidence.emulator.design import Setting, StudyScene, design_seed, distinct_conditions
 from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, request_points
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, room_left
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, runs_left
 from taichi_erosion.evidence.models.plugin import NameMapping
-from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, seed_mean
-from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, value_in_unit
+from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, mean_over_finite_seeds
+from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, study_value
 
 SETTINGS = 3  # the explanation that is told, its runner-up, the bare model
 MOST_CONDITIONS = 12  # sets of conditions of one scene at which an answer is tested
@@ -59,11 +59,11 @@ class FreshRuns:
     tests: Mapping[str, GapTest]  # by observable
 
     @property
-    def mean(self) -> Floats:
+    def row_means(self) -> Floats:
         """Mean over the seeds (n,)."""
-        return seed_mean(self.values)
+        return mean_over_finite_seeds(self.values)
 
-    def with_more(self, other: "FreshRuns", rows: Integers) -> "FreshRuns":
+    def merge_fresh_runs(self, other: "FreshRuns", rows: Integers) -> "FreshRuns":
         """These runs with others in their place in some rows."""
         q, more = self.columns.shape[1], max(len(other.values) - len(self.values), 0)
         values = np.pad(self.values, ((0, more), (0, 0)), constant_values=np.nan)
@@ -119,7 +119,7 @@ class FreshSimulator:
     stored_keys: frozenset[str]  # keys of fresh runs that were made already
     seeds: int  # of every set of conditions
 
-    def simulate(
+    def simulate_settings(
         self,
         settings: Sequence[Setting],
         requests: Sequence[Request],
@@ -128,27 +128,27 @@ class FreshSimulator:
         times: int = 1,
     ) -> FreshCampaign:
         """Runs of all settings at the conditions whose rows weigh most; so many times the usual seeds."""
-        rows = self.weighty_rows(requests, weight)
+        rows = self.rows_of_largest_weight(requests, weight)
         points = list(dict.fromkeys(row.point(setting) for setting in settings for row in rows))
         keys = frozenset[str]()
         for seeds in range(times * self.seeds, 0, -1):
-            flat = [(point, request) for point in points for request in self.requests(point, seeds)]
+            flat = [(point, request) for point in points for request in self.point_runs(point, seeds)]
             keys = frozenset(request.key for _, request in flat)
-            if len(keys - self.stored_keys) <= room_left(self.training):
+            if len(keys - self.stored_keys) <= runs_left(self.training):
                 results = execute_requests(self.training, [request for _, request in flat], progress)
                 results_by_point: dict[Point, list[RunResult]] = {point: [] for point in points}
                 for (point, _), result in zip(flat, results, strict=True):
                     results_by_point[point].append(result)
                 failed = sum(bool(result.failure) for result in results)
                 scenes = {scene.measure.scene: scene for scene in self.training.scenes}
-                readings = {p: self.readings(scenes[p[0]], r, seeds) for p, r in results_by_point.items()}
-                scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
+                readings = {p: self.seed_values(scenes[p[0]], r, seeds) for p, r in results_by_point.items()}
+                scatter = {path: self.pooled_run_scatter(scene, readings) for path, scene in scenes.items()}
                 by_setting = (SettingRows(each, rows, readings, scatter) for each in settings)
-                runs = tuple(each.runs((seeds, weight.size)) for each in by_setting)
+                runs = tuple(each.fresh_runs_of_setting((seeds, weight.size)) for each in by_setting)
                 return FreshCampaign(runs, keys, seeds, failed)
         return FreshCampaign((), keys, 0)
 
-    def weighty_rows(self, requests: Sequence[Request], weight: Floats) -> list[TestedRow]:
+    def rows_of_largest_weight(self, requests: Sequence[Request], weight: Floats) -> list[TestedRow]:
         """Rows of the sets of conditions that weigh most, `MOST_CONDITIONS` of every scene, as asked."""
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
         tested: list[TestedRow] = []
@@ -170,26 +170,26 @@ class FreshSimulator:
             chosen |= {row for rows in ranked[:MOST_CONDITIONS] for row in rows}
         return [each for each in tested if each.row in chosen]
 
-    def requests(self, point: Point, seeds: int) -> list[RunRequest]:
+    def point_runs(self, point: Point, seeds: int) -> list[RunRequest]:
         """Runs of one point; their seeds follow from it. None where the scene refuses it."""
         scene, words = point
         key = f"{self.training.study.fresh}fresh|{scene.name}|{'|'.join(words)}"
         simulator = self.training.simulator
         try:
-            built = simulator.scene(scene, words)
-            return [request_of(built, seed_of(key, n), device=simulator.device) for n in range(seeds)]
+            built = simulator.load_scene_at(scene, words)
+            return [request_of(built, design_seed(key, n), device=simulator.device) for n in range(seeds)]
         except BadInput:
             return []
 
-    def readings(self, scene: StudyScene, results: Sequence[RunResult], seeds: int) -> Floats:
+    def seed_values(self, scene: StudyScene, results: Sequence[RunResult], seeds: int) -> Floats:
         """Values of all observables of a scene, seed by seed; NaN where a run has none."""
         table = np.full((seeds, len(scene.observables)), np.nan)
         for index, name in enumerate(scene.observables):
-            values = np.array([value_in_unit(each, scene.simulator.measures[name]) for each in results])
+            values = np.array([study_value(each, scene.simulator.measures[name]) for each in results])
             table[: values.size, index] = to_scale(self.emulators[name].scale, values)
         return np.where(np.isfinite(table), table, np.nan)
 
-    def scatter(self, scene: StudyScene, readings: Readings) -> SceneScatter:
+    def pooled_run_scatter(self, scene: StudyScene, readings: Readings) -> SceneScatter:
         """Scatter of one run, pooled over the points of a scene with that of its training runs."""
         sd = np.array([self.emulators[name].process.scatter for name in scene.observables])
         total, freedom = PRIOR_FREEDOM * np.diag(sd**2), PRIOR_FREEDOM
@@ -207,7 +207,7 @@ class FreshSimulator:
         return self.mapping.model.emulators
 
 
-def fresh_count(training: TrainingRuns, seeds: int) -> int:
+def most_test_runs(training: TrainingRuns, seeds: int) -> int:
     """Most runs that the test of an answer takes: those of the bare model do not depend on all conditions."""
     count = 0
     for scene in training.scenes:
@@ -225,16 +225,16 @@ class SettingRows:
     readings: Readings
     scatter: Mapping[Path, SceneScatter]
 
-    def runs(self, shape: tuple[int, int]) -> FreshRuns:
+    def fresh_runs_of_setting(self, shape: tuple[int, int]) -> FreshRuns:
         """All rows on the comparison scale, and the test of every observable."""
         points = list(dict.fromkeys(row.point(self.setting) for row in self.rows))
         most = max((each.covariance.shape[0] for each in self.scatter.values()), default=1)
         values, columns = np.full(shape, np.nan), np.zeros((shape[1], len(points), most))
         for each in self.rows:
-            readings, errors = self.reading(each)
+            readings, errors = self.values_and_errors_of_row(each)
             scale = each.emulator.scale
-            values[:, each.row] = to_scale(each.observable, from_scale(scale, readings))
-            mean = from_scale(scale, seed_mean(readings[:, np.newaxis]))
+            values[:, each.row] = to_scale(each.observable, unscale(scale, readings))
+            mean = unscale(scale, mean_over_finite_seeds(readings[:, np.newaxis]))
             steepness = np.nan_to_num(slope(each.observable, mean) / slope(scale, mean))
             columns[each.row, points.index(each.point(self.setting)), : errors.size] = errors * steepness
         names = dict.fromkeys(each.observable.name for each in self.rows)
@@ -242,7 +242,7 @@ class SettingRows:
         tests_by_name = {name: test for name, test in tests.items() if test is not None}
         return FreshRuns(values, columns.reshape(shape[1], -1), tests_by_name)
 
-    def reading(self, row: TestedRow) -> tuple[Floats, Floats]:
+    def values_and_errors_of_row(self, row: TestedRow) -> tuple[Floats, Floats]:
         """Values (seeds,) of a row, and errors of one sd of their mean (observables of its scene,)."""
         point = row.point(self.setting)
         readings = self.readings[point][:, row.place]
@@ -253,7 +253,7 @@ class SettingRows:
         """Whether the emulator of one observable is off by more than its stated error; None without runs."""
         first: dict[Point, TestedRow] = {}
         for row in rows:
-            if np.isfinite(self.reading(row)[0]).any():
+            if np.isfinite(self.values_and_errors_of_row(row)[0]).any():
                 first.setdefault(row.point(self.setting), row)
         if not first:
             return None
@@ -262,14 +262,14 @@ class SettingRows:
         acting = [self.setting.at(row.at)[0] for row in tested]
         effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
         inputs = request_points(emulator.inputs, at, self.setting.parameters, effects)
-        pairs = [self.reading(row) for row in tested]
-        mean = np.array([seed_mean(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
+        pairs = [self.values_and_errors_of_row(row) for row in tested]
+        mean = np.array([mean_over_finite_seeds(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])
-        emulated, own_sd = emulator.process.mean(inputs), emulator.process.uncertainty(inputs)
+        emulated, own_sd = emulator.process.mean(inputs), emulator.process.error_cov(inputs)
         gap, total = mean - emulated, own_sd + np.diag(error**2)
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
         p = float(special.fdtrc(gap.size, self.scatter[tested[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
-        sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
+        sizes = unscale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
         return GapTest(p, tested[worst].row, *map(float, (sizes[0], sd[0], sizes[1], sd[1])))

@@ -45,7 +45,7 @@ import numpy as np
 import scipy
 from scipy import linalg
 
-from taichi_erosion.evidence.data.heap_correlation import valid_correlation
+from taichi_erosion.evidence.data.heap_correlation import make_positive_definite
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
 TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
@@ -100,20 +100,20 @@ class GaussianProcess:
 
     def mean(self, at: Points) -> Floats:
         """Posterior mean."""
-        return self.centre + self.width * (self.covariance(at, self.training) @ self.weights)
+        return self.centre + self.width * (self.prior_covariance(at, self.training) @ self.weights)
 
-    def uncertainty(self, at: Points) -> Floats:
+    def error_cov(self, at: Points) -> Floats:
         """Covariance of the errors: posterior covariance plus lack of fit."""
-        cross = linalg.solve_triangular(self.factor, self.covariance(self.training, at), lower=True)
-        posterior = self.width**2 * (self.covariance(at, at) - cross.T @ cross)
+        cross = linalg.solve_triangular(self.factor, self.prior_covariance(self.training, at), lower=True)
+        posterior = self.width**2 * (self.prior_covariance(at, at) - cross.T @ cross)
         return posterior + self.lack_of_fit_covariance(at)
 
     def lack_of_fit_covariance(self, at: Points) -> Floats:
         """Covariance of the lack of fit, alike under conditions that are near each other."""
-        lack_of_fit = self.lack_of_fit(at)
+        lack_of_fit = self.lack_of_fit_sd(at)
         return np.outer(lack_of_fit, lack_of_fit) * rbf_kernel(at.c, at.c, LENGTH_CONDITION)
 
-    def lack_of_fit(self, at: Points) -> Floats:
+    def lack_of_fit_sd(self, at: Points) -> Floats:
         """Lack of fit at the strengths of the inputs, as a standard deviation.
 
             l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i))
@@ -139,8 +139,8 @@ class GaussianProcess:
         """Standard deviation of one run."""
         return float(self.width * self.amplitude[-1])
 
-    def covariance(self, one: Points, other: Points) -> Floats:
-        parts = kernel_terms(one, other, self.reads)
+    def prior_covariance(self, one: Points, other: Points) -> Floats:
+        parts = kernel_matrices(one, other, self.reads)
         return parts[0] + np.tensordot(self.amplitude[:-1] ** 2, parts[1:], axes=1)
 
 
@@ -152,7 +152,7 @@ def rbf_kernel(one: Floats, other: Floats, length: float) -> Floats:
     return np.exp(-0.5 * square / length**2)
 
 
-def kernel_terms(one: Points, other: Points, reads: ActiveInputs) -> Floats:
+def kernel_matrices(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
     bare, part = reads.conditions[0], reads.numbers[0]
     bare_one, bare_other, x_one, x_other = one.c[:, bare], other.c[:, bare], one.x[:, part], other.x[:, part]
@@ -181,7 +181,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     centre = float(values.mean())
     width = max(float(values.std()), 1e-9 * abs(centre), 1e-300)
     standard = (values - centre) / width
-    parts = kernel_terms(training, training, reads)
+    parts = kernel_matrices(training, training, reads)
     count = len(reads.conditions) - 1
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
@@ -196,12 +196,12 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
         options={"maxiter": STEPS_MOST},
     )
     amplitude = np.exp(optimum.x)
-    factor = np.asarray(np.linalg.cholesky(total_covariance(parts, amplitude)), dtype=np.float64)
+    factor = np.asarray(np.linalg.cholesky(training_covariance(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
     return GaussianProcess(training, reads, amplitude, centre, width, factor, weights)
 
 
-def total_covariance(parts: Floats, amplitude: Floats) -> Floats:
+def training_covariance(parts: Floats, amplitude: Floats) -> Floats:
     """Covariance of the training values."""
     mixed = parts[0] + np.tensordot(amplitude[:-1] ** 2, parts[1:], axes=1)
     return mixed + (amplitude[-1] ** 2 + JITTER) * np.eye(parts.shape[1])
@@ -215,7 +215,7 @@ def negative_log_evidence(
     -ln p = 1/2 z^T K^-1 z + 1/2 ln |K| + prior,    d/du = 1/2 tr((K^-1 - a a^T) dK/du),    a = K^-1 z
     """
     amplitude = np.exp(log_amplitude)
-    factor = np.linalg.cholesky(total_covariance(parts, amplitude))
+    factor = np.linalg.cholesky(training_covariance(parts, amplitude))
     inverse = linalg.cho_solve((factor, True), np.eye(standard.size))
     weights = inverse @ standard
     off = (log_amplitude - middle) / spread
@@ -245,27 +245,27 @@ class JointErrors:
     correlation: Floats  # (parts + 1, observables, observables); the last part is the scatter
 
     @cached_property
-    def runs(self) -> Values:
+    def all_values(self) -> Values:
         """Training values of every process, one after the other."""
         _, first, place = np.unique(
             np.concatenate(self.training_runs), return_index=True, return_inverse=True
         )
-        every = stack([process.training for process in self.processes])
+        every = concatenate_points([process.training for process in self.processes])
         which = np.repeat(np.arange(len(self.training_runs)), [each.size for each in self.training_runs])
         return Values(Points(*(each[first] for each in vars(every).values())), place, which)
 
     @cached_property
-    def prior(self) -> Floats:
+    def training_value_covariance(self) -> Floats:
         """Covariance of the values of all training runs of all processes."""
-        which, run = self.runs.observable, self.runs.place
+        which, run = self.all_values.observable, self.all_values.place
         scatter = np.array([process.amplitude[-1] for process in self.processes])
         alike = self.correlation[-1][np.ix_(which, which)] * np.outer(scatter[which], scatter[which])
-        kernel = self.smooth(self.runs, self.runs) + alike * (run[:, np.newaxis] == run)
+        kernel = self.prior_cov(self.all_values, self.all_values) + alike * (run[:, np.newaxis] == run)
         return kernel + JITTER * np.eye(run.size)
 
-    def smooth(self, one: Values, other: Values) -> Floats:
+    def prior_cov(self, one: Values, other: Values) -> Floats:
         """Prior covariance of values."""
-        parts = kernel_terms(one.points, other.points, self.processes[0].reads)
+        parts = kernel_matrices(one.points, other.points, self.processes[0].reads)
         amplitude = np.array([part_amplitudes(process) for process in self.processes])
         total = np.zeros((one.place.size, other.place.size))
         for k, part in enumerate(parts):
@@ -275,29 +275,29 @@ class JointErrors:
                 total += size * part[np.ix_(one.place, other.place)]
         return total
 
-    def covariance(self, queries: Sequence[tuple[int, Points]]) -> Floats:
+    def joint_error_covariance(self, queries: Sequence[tuple[int, Points]]) -> Floats:
         """Covariance of the errors over the points of some processes, one after the other."""
-        at = stack([points for _, points in queries])
+        at = concatenate_points([points for _, points in queries])
         sizes = [points.x.shape[0] for _, points in queries]
         which = np.repeat([place for place, _ in queries], sizes)
-        values, weights = Values(at, np.arange(which.size), which), self.weights(queries)
-        cross = self.smooth(values, self.runs)
-        covariance = self.smooth(values, values) - cross @ weights.T - weights @ cross.T
-        covariance += weights @ self.prior @ weights.T
+        values, weights = Values(at, np.arange(which.size), which), self.training_value_weights(queries)
+        cross = self.prior_cov(values, self.all_values)
+        covariance = self.prior_cov(values, values) - cross @ weights.T - weights @ cross.T
+        covariance += weights @ self.training_value_covariance @ weights.T
         width = np.array([process.width for process in self.processes])[which]
         covariance *= np.outer(width, width)
-        for (place, points), block in zip(queries, slices(sizes), strict=True):
+        for (place, points), block in zip(queries, consecutive_slices(sizes), strict=True):
             covariance[block, block] += self.processes[place].lack_of_fit_covariance(points)
         return covariance
 
-    def weights(self, queries: Sequence[tuple[int, Points]]) -> Floats:
+    def training_value_weights(self, queries: Sequence[tuple[int, Points]]) -> Floats:
         """Weights of all training values in the emulated values of some points."""
-        rows = slices([points.x.shape[0] for _, points in queries])
-        columns = slices([each.size for each in self.training_runs])
+        rows = consecutive_slices([points.x.shape[0] for _, points in queries])
+        columns = consecutive_slices([each.size for each in self.training_runs])
         matrix = np.zeros((rows[-1].stop, columns[-1].stop))
         for (place, points), row in zip(queries, rows, strict=True):
             process = self.processes[place]
-            cross = process.covariance(process.training, points)
+            cross = process.prior_covariance(process.training, points)
             matrix[row, columns[place]] = linalg.cho_solve((process.factor, True), cross).T
         return matrix
 
@@ -308,27 +308,27 @@ def joint_errors(processes: Sequence[GaussianProcess], training_runs: Sequence[I
     correlation = np.tile(np.eye(count), (processes[0].amplitude.size + 1, 1, 1))
     for a, b in combinations(range(count), 2):
         _, first, second = np.intersect1d(training_runs[a], training_runs[b], return_indices=True)
-        matrix = pair_correlations(processes[a], first, processes[b], second)
+        matrix = process_pair_correlations(processes[a], first, processes[b], second)
         correlation[:, a, b] = correlation[:, b, a] = matrix
-    valid = np.array([valid_correlation(each, 0.0) for each in correlation])
+    valid = np.array([make_positive_definite(each, 0.0) for each in correlation])
     return JointErrors(tuple(processes), tuple(training_runs), valid)
 
 
-def pair_correlations(
+def process_pair_correlations(
     one: GaussianProcess, first: Integers, other: GaussianProcess, second: Integers
 ) -> Floats:
     """Most probable correlations of all parts and of the scatter of two processes, from runs of both."""
     runs = Points(*(each[first] for each in vars(one.training).values()))
-    parts = kernel_terms(runs, runs, one.reads)
+    parts = kernel_matrices(runs, runs, one.reads)
     white, values = zip(
-        *(whiten(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
+        *(whiten_values(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
     )
     amplitude = part_amplitudes(one) * part_amplitudes(other)
     scatter = one.amplitude[-1] * other.amplitude[-1] * np.eye(first.size)
-    shared = np.array([between(white, a * part) for a, part in zip(amplitude, parts, strict=True)])
-    shared = np.concatenate([shared, between(white, scatter)[np.newaxis]])
+    shared = np.array([whitened_cross(white, a * part) for a, part in zip(amplitude, parts, strict=True)])
+    shared = np.concatenate([shared, whitened_cross(white, scatter)[np.newaxis]])
 
-    def negative_log_evidence(far: Floats) -> tuple[float, Floats]:
+    def pair_log_evidence(far: Floats) -> tuple[float, Floats]:
         """Of whitened values with the covariance ((1, M), (M^T, 1)); S = 1 - M M^T."""
         cross = np.tensordot(np.tanh(far), shared, axes=1)
         try:
@@ -344,18 +344,18 @@ def pair_correlations(
 
     bounds = [(-FARTHEST, FARTHEST)] * shared.shape[0]
     start = np.zeros(shared.shape[0])
-    matrix = scipy.optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
+    matrix = scipy.optimize.minimize(pair_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
     return np.tanh(matrix.x)
 
 
-def whiten(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
+def whiten_values(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
     """Inverse root of the covariance of some training values of a process, and these values over it."""
-    root = linalg.cholesky(total_covariance(parts, process.amplitude), lower=True)
+    root = linalg.cholesky(training_covariance(parts, process.amplitude), lower=True)
     inverse: Floats = np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64)
     return inverse, inverse @ (process.factor @ (process.factor.T @ process.weights))[at]
 
 
-def between(white: Sequence[Floats], covariance: Floats) -> Floats:
+def whitened_cross(white: Sequence[Floats], covariance: Floats) -> Floats:
     """Covariance of the whitened values of two processes; most parts reach few runs."""
     at = np.flatnonzero(covariance.any(axis=1))
     return (white[0][:, at] @ covariance[np.ix_(at, at)]) @ white[1][:, at].T
@@ -366,12 +366,12 @@ def part_amplitudes(process: GaussianProcess) -> Floats:
     return np.append(1.0, process.amplitude[:-1])
 
 
-def stack(parts: Sequence[Points]) -> Points:
+def concatenate_points(parts: Sequence[Points]) -> Points:
     """Points one after the other."""
     return Points(*(np.concatenate(each) for each in zip(*(vars(p).values() for p in parts), strict=True)))
 
 
-def slices(sizes: Sequence[int]) -> list[slice]:
+def consecutive_slices(sizes: Sequence[int]) -> list[slice]:
     """Places of parts of some sizes, one after the other."""
     ends = np.cumsum(sizes)
     return [slice(int(end) - size, int(end)) for end, size in zip(ends, sizes, strict=True)]

@@ -11,9 +11,9 @@ from taichi_erosion.campaign.execute import seconds_per_work
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, room_left, run_requests
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, runs_left, runs_to_make
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.prepared_problem import prepare, setting_count
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem, usual_count_of_settings
 from taichi_erosion.tables.number_words import count_noun
 
 WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
@@ -41,7 +41,7 @@ class PlanCost:
         return sum(self.phases)
 
     @property
-    def sentence(self) -> str:
+    def cost_text(self) -> str:
         """One line for people."""
         if not self.first + self.later + self.fresh:
             return f"No run is to be made: all {self.ledger_runs} are kept from before."
@@ -57,7 +57,7 @@ class PlanCost:
 
 def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
     """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
-    runs, requests, _ = run_requests(training)
+    runs, requests, _ = runs_to_make(training)
     effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
     by_key = {request.key: request for request in requests}
     ledger = finished_runs(training.simulator.shared_ledger(), list(by_key))
@@ -68,7 +68,7 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     second, kinds = seconds_per_work(by_key, ledger) / workers, {effects[key] for key in ledger}
     done_of = {each: {key: ledger[key] for key in ledger if effects[key] == each} for each in kinds}
     seconds_of = {each: seconds_per_work(by_key, part) / workers for each, part in done_of.items()}
-    room = max(room_left(training), 0)
+    room = max(runs_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
     rounds = min(rounds, room // size) if size else 0
@@ -87,11 +87,11 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
 def function_cost(study: Study, candidates: int) -> str:
     """What an answer costs where a function is the model; empty where it is not worth telling."""
     problem = study.problem
-    prepared = prepare(problem, problem.visible(), study.file.study.seed)
+    prepared = prepare_problem(problem, problem.visible_rows(), study.file.study.seed)
     rows, seeds = prepared.rows.size, prepared.seeds.fitting
-    start = np.array([min(max(0.0, axis.low), axis.high) for axis in prepared.axes])
-    settings, begin = setting_count(len(problem.parameters), candidates), perf_counter()
-    prepared.predictor.compute(start, {}, seeds)
+    start = np.array([min(max(0.0, axis.low), axis.high) for axis in prepared.parameter_axes])
+    settings, begin = usual_count_of_settings(len(problem.parameters), candidates), perf_counter()
+    prepared.predictor.predict_without_cache(start, {}, seeds)
     seconds = settings * (perf_counter() - begin + SETTING)
     if seconds < WORTH_TELLING:
         return ""
@@ -107,7 +107,7 @@ def span(seconds: float) -> str:
     return f"{seconds / MINUTE:.0f} min" if seconds < 1.5 * HOUR else f"{seconds / HOUR:.1f} h"
 
 
-def shares(phases: Sequence[float], phase: int) -> tuple[float, float]:
+def phase_shares(phases: Sequence[float], phase: int) -> tuple[float, float]:
     """Share of the whole before a phase, and that of the phase itself; 1 and 0 beyond the plan."""
     total = sum(phases) or 1.0
     if phase >= len(phases):

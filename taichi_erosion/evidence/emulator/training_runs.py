@@ -34,13 +34,13 @@ from taichi_erosion.evidence.emulator.emulator import (
     Emulator,
     EmulatorInputs,
     ObservableEmulator,
-    condition_scales,
+    axis_scales,
     fit_emulators,
-    run_replicates,
+    replicate_scatter,
 )
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
-from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, value_in_unit
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, study_value
 from taichi_erosion.mechanisms.library import load_mechanisms, physical_doses, physical_mechanisms
 
 LEVELS = 3  # of every condition that could be set
@@ -76,9 +76,9 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
         return None
     whole = TrainingRuns(study, simulator, study_scenes(study, simulator), design.PLAN_SIZES[LARGEST])
     as_stated = replace(whole, scenes=tuple(replace(scene, proposed_rows=()) for scene in whole.scenes))
-    most, every = study.file.budget.runs or 10**9, known_effects(study.problem)
+    most, every = study.file.budget.runs or 10**9, effects_by_name(study.problem)
     for training in (whole, as_stated):
-        size, planned = scaled_to(most, training, every)
+        size, planned = shrink_plan(most, training, every)
         if planned <= most:
             break
     else:
@@ -86,14 +86,14 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
             f"{study.path}: a budget of {most} runs is too small; the study needs at least {planned}: "
             "raise it, or list fewer candidates"
         )
-    start = replace(training, plan_size=smaller(design.PLAN_SIZES[budget], size))
-    runs = spread_over(start, effects)
+    start = replace(training, plan_size=limit_plan_size(design.PLAN_SIZES[budget], size))
+    runs = design_training_runs(start, effects)
     return replace(start, runs=tuple(runs), other_runs=planned - len(runs))
 
 
-def scaled_to(most: int, training: TrainingRuns, effects: Iterable[str]) -> tuple[PlanSize, int]:
+def shrink_plan(most: int, training: TrainingRuns, effects: Iterable[str]) -> tuple[PlanSize, int]:
     """A plan and its number of runs; where they pass `most`, a smaller one of its shape, without rounds."""
-    size, planned = training.plan_size, len(spread_over(training, effects))
+    size, planned = training.plan_size, len(design_training_runs(training, effects))
     if planned <= most:
         return size, planned
     share = (1.0 - RESERVED) * most / planned
@@ -104,10 +104,10 @@ def scaled_to(most: int, training: TrainingRuns, effects: Iterable[str]) -> tupl
         condition=int(size.condition * share),
         rounds=0,
     )
-    return size, len(spread_over(replace(training, plan_size=size), effects))
+    return size, len(design_training_runs(replace(training, plan_size=size), effects))
 
 
-def smaller(size: PlanSize, limit: PlanSize) -> PlanSize:
+def limit_plan_size(size: PlanSize, limit: PlanSize) -> PlanSize:
     """The plan with no number above those of a limit; without rounds where it has less than it wants."""
     numbers = {name: min(getattr(size, name), getattr(limit, name)) for name in SPREAD}
     whole = all(getattr(size, name) == number for name, number in numbers.items())
@@ -125,13 +125,13 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
     for names in grouped.values():
         at = {columns[name]: column for name, column in table.conditions.items()}
         conditions_of_rows = (row_at(at, i) for i in range(table.size) if table.observable[i] in names)
-        rows = tuple(design.distinct_rows(conditions_of_rows, lambda _: True))
-        proposed = proposed_rows(study, rows[0] if rows else {})
+        rows = tuple(design.distinct_condition_sets(conditions_of_rows, lambda _: True))
+        proposed = laboratory_conditions(study, rows[0] if rows else {})
         scenes.append(StudyScene(simulator.measures[names[0]], tuple(names), rows, axes, simulator, proposed))
     return tuple(scenes)
 
 
-def proposed_rows(study: Study, first: Row) -> tuple[Row, ...]:
+def laboratory_conditions(study: Study, first: Row) -> tuple[Row, ...]:
     """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     columns, ranges = study.file.conditions, study.file.laboratory.ranges
     levels = [[(name, x) for x in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()]
@@ -142,44 +142,44 @@ def proposed_rows(study: Study, first: Row) -> tuple[Row, ...]:
     )
 
 
-def known_effects(problem: Problem) -> dict[str, Candidate]:
+def effects_by_name(problem: Problem) -> dict[str, Candidate]:
     """Candidates and adopted effects by name."""
     return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
 
 
-def spread_over(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
+def design_training_runs(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
     """Runs of the bare model and of every effect, of adopted ones too: as measured, and where could be."""
-    candidates, adopted = known_effects(training.study.problem), training.study.problem.adopted
+    candidates, adopted = effects_by_name(training.study.problem), training.study.problem.adopted
     names = dict.fromkeys([*effects, *(candidate.name for candidate in adopted)])
     acting, tag = [None, *(candidates[name] for name in names)], training.study.fresh
     places = [(scene, tag) for scene in training.scenes]
     places += [(replace(s, rows=s.proposed_rows), f"{tag}ahead") for s, _ in places if s.proposed_rows]
-    designs = (design.spread_runs(s, each, training.plan_size, key) for s, key in places for each in acting)
+    designs = (design.design_runs(s, each, training.plan_size, key) for s, key in places for each in acting)
     return [run for runs in designs for run in runs]
 
 
-def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
+def add_dose_runs(training: TrainingRuns) -> TrainingRuns:
     """The runs with those along the dose of every mechanism that a scene of the study shows.
 
     A mechanism reads no condition: what moisture or angularity would do to its dose is left to inference.
     """
     allowance, tried = training.study.file.candidates.mechanisms, list[list[str]]()
     for scene in training.scenes:
-        able = physical_mechanisms(training.simulator.scene(scene.measure.scene).wind is not None)
+        able = physical_mechanisms(training.simulator.load_scene_at(scene.measure.scene).wind is not None)
         tried.append([name for name in able if allowance is None or name in allowance])
     names = list(dict.fromkeys(name for names_of_scene in tried for name in names_of_scene))
-    simulator = training.simulator.with_mechanisms(names)
+    simulator = training.simulator.simulator_with_mechanisms(names)
     scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
-    bare = [design.calibrated_scene(scene, scene.centre) for scene in scenes]
+    bare = [design.scene_with_numbers(scene, scene.mid_prior_numbers) for scene in scenes]
     mechanism_of = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
     runs, size, tag = list(training.runs), training.plan_size, training.study.fresh
     for scene, able in zip(scenes, tried, strict=True):
-        runs += [run for name in able for run in design.spread_runs(scene, mechanism_of[name], size, tag)]
+        runs += [run for name in able for run in design.design_runs(scene, mechanism_of[name], size, tag)]
     mechanisms = tuple(mechanism_of.values())
     return replace(training, simulator=simulator, scenes=scenes, mechanisms=mechanisms, runs=tuple(runs))
 
 
-def refined_training_runs(
+def add_refinement_round(
     training: TrainingRuns, about: Sequence[Setting], key: str, budget: str | None = None
 ) -> TrainingRuns:
     """The runs with a further round about some explanations; rounds of other keys have other seeds.
@@ -187,7 +187,7 @@ def refined_training_runs(
     `budget`: that of the command which made the round. Points about effects that the study has no more stay
     without runs.
     """
-    limits = {name: (0.0, each.maximum) for name, each in known_effects(training.study.problem).items()}
+    limits = {name: (0.0, each.maximum) for name, each in effects_by_name(training.study.problem).items()}
     limits |= {each.name: (each.low, each.high) for each in training.mechanisms}
     count = (training.plan_size if budget is None else design.PLAN_SIZES[budget]).round
     more: list[TrainingRun] = []
@@ -198,36 +198,36 @@ def refined_training_runs(
     return replace(training, runs=(*training.runs, *more))
 
 
-def within_budget(training: TrainingRuns, about: Sequence[Setting]) -> bool:
+def has_room_for_round(training: TrainingRuns, about: Sequence[Setting]) -> bool:
     """Whether the study's cap has room for a further round."""
-    return training.plan_size.round * len(about) * len(training.scenes) <= room_left(training)
+    return training.plan_size.round * len(about) * len(training.scenes) <= runs_left(training)
 
 
-def room_left(training: TrainingRuns) -> int:
+def runs_left(training: TrainingRuns) -> int:
     """Runs that the study's cap leaves beside those planned."""
     return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.other_runs
 
 
-def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
+def replace_scenes_by_emulator(training: TrainingRuns, progress: Progress) -> Study:
     """The study with an emulator in place of its scenes; simulates what is not in the ledger."""
     study, problem = training.study, training.study.problem
-    runs, requests, refused = run_requests(training)
+    runs, requests, refused = runs_to_make(training)
     results = execute_requests(training, requests, progress)
     emulators: dict[str, ObservableEmulator] = {}
     faults: list[SetUpFault] = []
     for scene in training.scenes:
         accepted = scene.measure.accepted_paths
-        factors = design.calibrated_factors(scene)
+        factors = design.mechanisms_scaling_numbers(scene)
         inputs = EmulatorInputs(
             scene,
             axes=tuple(axis for axis in scene.axes if axis.name in accepted),
-            scales=condition_scales((*scene.rows, *scene.proposed_rows), accepted),
-            candidates=tuple(known_effects(problem).values()),
+            scales=axis_scales((*scene.rows, *scene.proposed_rows), accepted),
+            candidates=tuple(effects_by_name(problem).values()),
             mechanisms=tuple(each.name for each in training.mechanisms if each.name not in factors),
             factors=factors,
         )
         trained = [each for each in zip(runs, results, strict=True) if each[0].scene == scene.measure.scene]
-        faults += run_faults(study, scene, trained)
+        faults += faults_of_scene_runs(study, scene, trained)
         try:
             emulators |= fit_emulators(inputs, trained, problem.observables)
         except SimulationStopped as error:
@@ -243,18 +243,18 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     return replace(
         study,
         problem=replace(
-            emulated_problem(problem, Emulator(emulators)),
+            problem_with_emulator(problem, Emulator(emulators)),
             candidates=candidates,
             mechanisms=training.mechanisms,
-            replicates=run_replicates(emulators),
+            replicates=replicate_scatter(emulators),
         ),
-        notes=(*study.notes, sentences, *inactive_notes(training), *refused),
+        notes=(*study.notes, sentences, *notes_on_invisible_effects(training), *refused),
         simulations=count,
         faults=(*study.faults, *faults),
     )
 
 
-def run_faults(
+def faults_of_scene_runs(
     study: Study, scene: StudyScene, trained: Sequence[tuple[TrainingRun, RunResult]]
 ) -> Iterator[SetUpFault]:
     """Faults that the runs of one scene show, those of the bare model where there are any."""
@@ -270,10 +270,10 @@ def run_faults(
     bare = [result for run, result in trained if not run.effects] or results
     whole = [result for result in bare if not result.failure]
     for name in scene.observables:
-        yield from measure_faults(scene, name, whole, study.file.observables[name].same_size)
+        yield from faults_of_missing_values(scene, name, whole, study.file.observables[name].same_size)
 
 
-def measure_faults(
+def faults_of_missing_values(
     scene: StudyScene, name: str, ended: Sequence[RunResult], same_size: bool
 ) -> Iterator[SetUpFault]:
     """What most runs lack for one observable, in the words of the run in the middle; why they have no value.
@@ -293,7 +293,7 @@ def measure_faults(
             if flag not in SIZE_FLAGS or not same_size:
                 kind = "too_small" if blocks else "not_converged"
                 yield SetUpFault(kind, name, f"{name}: {middle['sentence']}", blocks)
-    missing = sum(not np.isfinite(value_in_unit(result, measure)) for result in ended)
+    missing = sum(not np.isfinite(study_value(result, measure)) for result in ended)
     if missing > COMMON * len(records) and not blocked:
         notes = [note for each in records if each.get("value") is None for note in each.get("notes", ())]
         why = f"; the first: {notes[0]}" if notes else ""
@@ -315,14 +315,14 @@ def execute_requests(
     )
 
 
-def run_requests(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunRequest], list[str]]:
+def runs_to_make(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunRequest], list[str]]:
     """Runs that scenes accept, their requests, and why effects were refused."""
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
     runs, requests, refused = [], [], {}
     for run in training.runs:
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
-            scene = training.simulator.scene(run.scene, words)
+            scene = training.simulator.load_scene_at(run.scene, words)
             requests.append(request_of(scene, run.seed, device=training.simulator.device))
         except BadInput as error:
             if not run.effects:
@@ -333,28 +333,28 @@ def run_requests(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReq
     return runs, requests, [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
 
 
-def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
+def problem_with_emulator(problem: Problem, emulator: Emulator) -> Problem:
     """The problem with an emulator for a model, and the covariance of its errors."""
     model = problem.model
     assert isinstance(model, NameMapping)
     mapped = replace(model, model=emulator)
 
-    def uncertainty(queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
+    def emulator_covariance(queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         renamed = [
             (observable, mapped.model_conditions(conditions), doses)
             for observable, conditions, doses in queries
         ]
-        return emulator.uncertainty(renamed, parameters, effects)
+        return emulator.error_covariance(renamed, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
-    return replace(problem, model=mapped, uncertainty=uncertainty, dosed_by_row=True, runs=None)
+    return replace(problem, model=mapped, uncertainty=emulator_covariance, dosed_by_row=True, runs=None)
 
 
-def inactive_notes(training: TrainingRuns) -> list[str]:
+def notes_on_invisible_effects(training: TrainingRuns) -> list[str]:
     """Candidates that no scene of the study can show."""
     notes = []
     for each in training.study.problem.candidates:
-        reasons = [design.inactive_reason(scene, each) for scene in training.scenes]
+        reasons = [design.why_effect_cannot_act(scene, each) for scene in training.scenes]
         if all(reason is not None for reason in reasons):
             notes.append(f"{each.name} was not simulated: {reasons[0]}.")
     return notes

@@ -17,9 +17,9 @@ from taichi_erosion.core.effect_file import EffectFile, effect_in
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.simulator import refusal
+from taichi_erosion.evidence.models.simulator import refusal_of_number
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
-from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.load import read_text_of_file
 
 DIGITS = 6  # of a calibrated number
 
@@ -44,14 +44,14 @@ class Adoption:
     numbers: Mapping[str, Estimate]
 
 
-def adopted_study(study: Path, effects: Sequence[str]) -> Path:
+def adopted_study_path(study: Path, effects: Sequence[str]) -> Path:
     """File of the study in which effects are adopted."""
     return study.with_name(f"{study.stem}_with_{'_and_'.join(effects)}.toml")
 
 
-def adopted_files(study: Study, effects: Sequence[str]) -> list[tuple[Path, Path]]:
+def paths_before_and_after(study: Study, effects: Sequence[str]) -> list[tuple[Path, Path]]:
     """The study and its scenes, each with the file that an adoption makes of it."""
-    adopted = adopted_study(study.path, effects)
+    adopted = adopted_study_path(study.path, effects)
     names = sorted({each.scene for each in study.file.observables.values() if each.scene})
     scenes = [study.path.parent / name for name in names]
     return [
@@ -62,24 +62,24 @@ def adopted_files(study: Study, effects: Sequence[str]) -> list[tuple[Path, Path
 
 def refuse_foreign_files(study: Study, effects: Sequence[str], force: bool = False) -> None:
     """Raise BadInput where an adoption would replace a file that is not its own."""
-    for _, path in adopted_files(study, effects):
+    for _, path in paths_before_and_after(study, effects):
         refuse_foreign(path, study.path, force)
 
 
 def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -> list[Path]:
     """Write the study in which the effects are adopted, then its scenes; returns these files."""
     refuse_foreign_files(study, adoption.effects, force)
-    (_, adopted), *scenes = adopted_files(study, adoption.effects)
-    write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, adoption)))
+    (_, adopted), *scenes = paths_before_and_after(study, adoption.effects)
+    write_atomic(adopted, marked_toml(adopted, study.path, adopted_study_text(study, adoption)))
     tables = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
     files = dict.fromkeys(
         (*study.effect_files, *(file for one in tables for file in scene_effect_files(one)))
     )
     acting = [file for file in files if effect_in(file).name in adoption.strengths]
-    return [adopted, *(write_scene(scene, path, study, adoption, acting) for scene, path in scenes)]
+    return [adopted, *(write_adopted_scene(scene, path, study, adoption, acting) for scene, path in scenes)]
 
 
-def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
+def add_effect_files_to_text(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
     """A TOML text of a folder that names effect files too, by paths relative to the folder."""
     entries = list(toml_entry(text, (section, "effect_files")) or ())
     there = {(folder / name).resolve() for name in entries}
@@ -87,14 +87,14 @@ def with_effect_files(text: str, section: str, folder: Path, files: Sequence[Eff
     return with_entry(text, (section, "effect_files"), [*entries, *missing]) if missing else text
 
 
-def study_text(study: Study, adoption: Adoption) -> str:
+def adopted_study_text(study: Study, adoption: Adoption) -> str:
     """Text of the study with the effects under [adopted]."""
-    text = without_mark(file_text(study.path, str(study.path)))
+    text = without_mark(read_text_of_file(study.path, str(study.path)))
     text = with_entry(text, ("study", "follows"), study.path.name)
-    text = with_effect_files(text, "study", study.path.parent, study.effect_files)
+    text = add_effect_files_to_text(text, "study", study.path.parent, study.effect_files)
     listed = {candidate.name: candidate for candidate in study.problem.candidates}
     for effect in adoption.effects:
-        strength = round_number(adoption.strengths[effect].value)
+        strength = round_value(adoption.strengths[effect].value)
         note = interval_comment(adoption.strengths[effect])
         text = with_entry(text, ("adopted", effect, "strength"), strength, note)
         if effect in listed:
@@ -106,19 +106,19 @@ def study_text(study: Study, adoption: Adoption) -> str:
     return text
 
 
-def write_scene(
+def write_adopted_scene(
     scene: Path, path: Path, study: Study, adoption: Adoption, more: Sequence[EffectFile]
 ) -> Path:
     """Write a scene with the effects, their more, and those calibrated numbers that it has."""
-    text = without_mark(file_text(scene, str(scene)))
-    text = with_effect_files(text, "scene", scene.parent, more)
+    text = without_mark(read_text_of_file(scene, str(scene)))
+    text = add_effect_files_to_text(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
         text = with_entry(
-            text, ("effects", name, "strength"), round_number(strength.value), interval_comment(strength)
+            text, ("effects", name, "strength"), round_value(strength.value), interval_comment(strength)
         )
     for name, number in adoption.numbers.items():
-        value = round_number(number.value)
-        if refusal(scene, name, value, tuple(study.effect_files)) is None:
+        value = round_value(number.value)
+        if refusal_of_number(scene, name, value, tuple(study.effect_files)) is None:
             text = with_entry(text, tuple(name.split(".")), value, interval_comment(number))
     return write_atomic(path, marked_toml(path, study.path, text))
 
@@ -128,6 +128,6 @@ def interval_comment(number: Estimate) -> str:
     return f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
 
 
-def round_number(value: float) -> float:
+def round_value(value: float) -> float:
     """A calibrated number without meaningless digits."""
     return float(f"{value:.{DIGITS}g}")

@@ -10,8 +10,8 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.evidence.data.held_out_rows import SPARE, content_digest, openings, split_rows
-from taichi_erosion.evidence.data.measured import read_table, study_measurements
+from taichi_erosion.evidence.data.held_out_rows import SPARE, split_rows, table_digest, vault_openings
+from taichi_erosion.evidence.data.measured import read_measured, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
@@ -26,12 +26,12 @@ from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.plugin import (
     ModelErrorCovariance,
     NameMapping,
-    function_effects,
+    load_function_effects,
     load_plugin,
 )
 from taichi_erosion.evidence.models.run_store import FILE, FunctionModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
-from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
+from taichi_erosion.evidence.models.table_columns import condition_units, impossible_study_values
 from taichi_erosion.mechanisms.library import mechanism_rows
 from taichi_erosion.scene import scene_hash
 
@@ -60,7 +60,7 @@ class StudyOptions:
 NO_OPTIONS = StudyOptions()
 
 
-def stated_budget(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
+def plan_and_run_limit(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
     """Size of the plan and cap on the runs that a user states; raises BadInput for what is neither."""
     text = str(budget)
     if budget is None:
@@ -92,7 +92,7 @@ class Study:
     effect_files: tuple[EffectFile, ...] = ()  # named by the study or the command
 
     @property
-    def drawn_from(self) -> str:
+    def vault_digest(self) -> str:
         """Digest of the table from which the rows of the vault were drawn: the key of its openings."""
         return self.file.vault.drawn_from or self.digest
 
@@ -115,23 +115,23 @@ class StudyModel:
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
     study_document = read_evidence_study(path)
-    file = with_options(study_document, options)
+    file = override_by_options(study_document, options)
     effect_files = read_effect_files(file.study.effect_files, path.parent, str(path))
     files = tuple(dict.fromkeys((*effect_files, *read_effect_files(options.effect_files))))
-    table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
-    measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
-    if impossible := list(study_value_faults(table, file, path.parent)):
+    table = read_measured(path.parent / file.study.measurements, file.study.measurements, file)
+    measurements, notes = study_measurements(table, file, str(path), condition_units(file, path, files))
+    if impossible := list(impossible_study_values(table, file, path.parent)):
         raise BadInput(*impossible)
     vault = file.vault
     least = len(file.parameters) + len(file.adopted) + SPARE
     chosen = vault.fraction, vault.ranges, vault.drawn_from, vault.sources, least
     hidden, vault_note = split_rows(measurements, *chosen)
-    results, digest = results_folder(path, file), content_digest(measurements)
+    results, digest = results_folder(path, file), table_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
-        parts = function_model(path, file, store, files)
+        parts = load_function_model(path, file, store, files)
     else:
-        parts = scene_model(path, file, results, measurements, files)
+        parts = load_scene_model(path, file, results, measurements, files)
     parameters = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
@@ -151,7 +151,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         candidates=tuple(parts.candidates),
         model=parts.model,
         runs=file.budget.runs,
-        vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
+        vault=Vault(hidden, vault_openings(results, vault.drawn_from or digest)),
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
         mechanisms=tuple(each for each in parts.mechanisms if choice is None or each.name in choice),
@@ -161,7 +161,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     return Study(*shared, parts.simulator, options=options, fresh=fresh, effect_files=files)
 
 
-def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
+def override_by_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     """The study file with what the command line states in place of its own."""
     sections = dict.fromkeys(("workers", "arch", "decomposition"), "campaign")
     sections |= {"seed": "study", "runs": "budget"}
@@ -171,13 +171,13 @@ def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     return file
 
 
-def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFiles) -> StudyModel:
+def load_function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFiles) -> StudyModel:
     """Model function with its cache, and the effects of files that it takes."""
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    effects = function_effects(path, files, plugin.mechanisms)
+    effects = load_function_effects(path, files, plugin.mechanisms)
     adopted = tuple(simulator.candidate_of(*each, effects) for each in file.adopted.items())
-    candidates = candidates_of(file, str(path), effects)
+    candidates = effects_to_try(file, str(path), effects)
     values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
@@ -189,7 +189,7 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     )
 
 
-def scene_model(
+def load_scene_model(
     path: Path, file: StudyFile, results: Path, measurements: Measurements, files: EffectFiles
 ) -> StudyModel:
     """Scenes that answer; their runs stand in the ledger of a campaign."""
@@ -204,16 +204,16 @@ def scene_model(
         n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in study_model.measures.items()
     }
     study_model = replace(study_model, measures=measures)
-    names = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
+    names = [f"{scene.name} {scene_hash(study_model.load_scene_at(scene))}" for scene in scenes]
     identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
-    unread = simulator.unread_conditions(file, study_model, candidates)
+    unread = simulator.unread_notes(file, study_model, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
     return StudyModel(
         model, identity, candidates, adopted, parameters, simulator=study_model, notes=tuple(unread)
     )
 
 
-def candidates_of(file: StudyFile, name: str, own_effects: Mapping[str, Effect]) -> Sequence[Candidate]:
+def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]) -> Sequence[Candidate]:
     """Effects to try, without the adopted ones: those of the list, or all that have a table, and own ones."""
     section = file.candidates
     listed = () if section.effects == (ALL,) else section.effects
@@ -229,11 +229,11 @@ def candidates_of(file: StudyFile, name: str, own_effects: Mapping[str, Effect])
 
 def results_folder(path: Path, file: StudyFile) -> Path:
     """`<stem>-results` beside the study, or beside the first of the studies that it follows."""
-    first, _ = first_study(path, file)
+    first, _ = first_study_of_adoptions(path, file)
     return first.with_name(f"{first.stem}-results")
 
 
-def first_study(path: Path, file: StudyFile) -> tuple[Path, StudyFile]:
+def first_study_of_adoptions(path: Path, file: StudyFile) -> tuple[Path, StudyFile]:
     """The study from which adoptions made this one; itself where it follows none."""
     for _ in range(LONGEST_CHAIN):
         if file.study.follows is None:

@@ -59,26 +59,26 @@ class Plugin:
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
         at = {name: column.copy() for name, column in conditions.items()}  # which it may write to
-        with name_failures(self.name, observable):
+        with report_model_failure(self.name, observable):
             values = self.function(observable, at, parameters, effects, seeds)
         shape = (len(seeds), row_count(conditions))
-        return checked_array(values, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
+        return check_model_result(values, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
-    def own_covariance(
+    def model_error_covariance(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
         at = {name: column.copy() for name, column in conditions.items()}
-        with name_failures(self.name + COVARIANCE, observable):
+        with report_model_failure(self.name + COVARIANCE, observable):
             covariance = self.covariance(observable, at, parameters, effects)
         rows = row_count(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
-        return checked_array(covariance, (rows, rows), "(conditions, conditions)", where)
+        return check_model_result(covariance, (rows, rows), "(conditions, conditions)", where)
 
 
 @contextlib.contextmanager
-def name_failures(name: str, observable: str) -> Iterator[None]:
+def report_model_failure(name: str, observable: str) -> Iterator[None]:
     """An error in a user's function becomes SimulationStopped with the function's name."""
     try:
         with contextlib.redirect_stdout(sys.stderr):  # stdout holds the result and nothing else
@@ -90,7 +90,7 @@ def name_failures(name: str, observable: str) -> Iterator[None]:
         raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
 
 
-def checked_array(result: object, shape: tuple[int, int], axes: str, where: str) -> Floats:
+def check_model_result(result: object, shape: tuple[int, int], axes: str, where: str) -> Floats:
     """Result of a model function as an array of the promised shape; raises BadInput."""
     try:
         values = np.asarray(result, dtype=np.float64)
@@ -105,13 +105,13 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
     """Model that a study names; raises BadInput."""
     module_name, _, function_name = name.partition(":")
     where = f"{file}: study.model = '{name}'"
-    module = load_module(module_name, folder, file, where)
+    module = load_model_module(module_name, folder, file, where)
     function = getattr(module, function_name, None)
     if not callable(function):
         raise BadInput(f"{where}: {module_name} has no function {function_name}")
     covariance = getattr(module, function_name + COVARIANCE, None)
     places = declared_mechanisms(getattr(module, function_name + MECHANISMS, {}), where + MECHANISMS)
-    return Plugin(name, function, source_digest(module, where), covariance, places)  # pyright: ignore[reportArgumentType]
+    return Plugin(name, function, code_digest(module, where), covariance, places)  # pyright: ignore[reportArgumentType]
 
 
 def declared_mechanisms(declaration: object, where: str) -> tuple[Mechanism, ...]:
@@ -127,15 +127,15 @@ def declared_mechanisms(declaration: object, where: str) -> tuple[Mechanism, ...
     return tuple(Mechanism(name, float(low), float(high)) for name, (low, high) in declaration.items())
 
 
-def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
+def load_model_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
     """Module beside the study file, else an installed one; its neighbours can be imported by it."""
     sibling = folder.joinpath(*name.split(".")).with_suffix(".py")
     package = name.partition(".")[0]
     try:
-        with contextlib.redirect_stdout(sys.stderr), importable(folder):
+        with contextlib.redirect_stdout(sys.stderr), put_folder_on_import_path(folder):
             if sibling.is_file():
                 tell_execution(sibling, study)
-                return module_of_file(name, sibling)
+                return execute_module_file(name, sibling)
             spec = importlib.util.find_spec(package)
             if spec is not None and spec.origin is not None and package != OURS:
                 tell_execution(Path(spec.origin), study)
@@ -148,7 +148,7 @@ def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
         raise BadInput(f"{where}: cannot be imported: {type(error).__name__}: {error}") from None
 
 
-def module_of_file(name: str, file: Path) -> ModuleType:
+def execute_module_file(name: str, file: Path) -> ModuleType:
     """Module of one file, executed afresh: two studies may each have a file of that name."""
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
@@ -160,7 +160,7 @@ def module_of_file(name: str, file: Path) -> ModuleType:
 
 
 @contextlib.contextmanager
-def importable(folder: Path) -> Iterator[None]:
+def put_folder_on_import_path(folder: Path) -> Iterator[None]:
     """Folder of a study on the import path, for as long as its model is loaded."""
     sys.path.insert(0, str(folder.resolve()))
     try:
@@ -169,7 +169,7 @@ def importable(folder: Path) -> Iterator[None]:
         sys.path.remove(str(folder.resolve()))
 
 
-def source_digest(module: ModuleType, where: str) -> str:
+def code_digest(module: ModuleType, where: str) -> str:
     """Digest of all Python files in the folder of a module, and of the files in its list READS."""
     file = getattr(module, "__file__", None)
     if not file:
@@ -219,38 +219,38 @@ class ModelErrorCovariance:
             name, at = self.mapped.observables[observable.name], self.mapped.model_conditions(conditions)
             value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
             steepness = slope(observable, value)
-            covariance = self.plugin.own_covariance(name, at, parameters, effects)
+            covariance = self.plugin.model_error_covariance(name, at, parameters, effects)
             parts.append(covariance * np.outer(steepness, steepness))
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
 
 
-def row_doses(law: Effect, conditions: Conditions) -> Floats:
+def dose_of_rows(law: Effect, conditions: Conditions) -> Floats:
     """Dose of strength 1 in every row."""
     params, doses = law.params(), np.zeros(row_count(conditions))
     with failures_of(law, "dose"):
         for row in range(doses.size):
-            doses[row] = law.dose(params, known_at(conditions, row))
+            doses[row] = law.dose(params, stated_conditions_of_row(conditions, row))
     return doses
 
 
-def read_through(
+def apply_instrument_effect(
     effect: Effect, strength: float, conditions: Conditions, observable: str, values: Floats
 ) -> Floats:
     """Values [seed, row] as one instrument shows them."""
     params, read = effect.params(), values.copy()
     with failures_of(effect, "act"):
         for seed, row in np.ndindex(values.shape):
-            at, value = known_at(conditions, row), float(values[seed, row])
+            at, value = stated_conditions_of_row(conditions, row), float(values[seed, row])
             read[seed, row] = checked_number(effect, effect.act(params, strength, at, observable, value))
     return read
 
 
-def known_at(conditions: Conditions, row: int) -> Numbers:
+def stated_conditions_of_row(conditions: Conditions, row: int) -> Numbers:
     """Conditions that one row states."""
     return {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
 
 
-def function_effects(
+def load_function_effects(
     path: Path, files: tuple[EffectFile, ...], mechanisms: tuple[Mechanism, ...]
 ) -> dict[str, Effect]:
     """Effects of some files by name. Raises BadInput for one that a model function cannot take."""

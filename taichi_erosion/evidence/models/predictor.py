@@ -17,7 +17,7 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Uncertainty,
 )
-from taichi_erosion.evidence.data.transforms import Axis, split_setting, to_scale
+from taichi_erosion.evidence.data.transforms import Axis, split_numbers, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
 NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
@@ -46,7 +46,7 @@ class Predictor:
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
 
-    def over(
+    def at_rows(
         self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
     ) -> "Predictor":
         """The same model and cost counter with other rows."""
@@ -54,68 +54,68 @@ class Predictor:
         return replace(self, **rows, cache={})
 
     @cached_property
-    def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
+    def row_requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
         """Every observable that has rows, these rows, and their conditions."""
         return tuple(
             (observable, rows, {name: column[rows] for name, column in self.conditions.items()})
-            for observable, rows in zip(self.observables, self.rows, strict=True)
+            for observable, rows in zip(self.observables, self.rows_by_observable, strict=True)
             if rows.size
         )
 
     @cached_property
-    def rows(self) -> tuple[Integers, ...]:
+    def rows_by_observable(self) -> tuple[Integers, ...]:
         """Rows of every observable."""
         return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
 
-    def predict(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
+    def predict_on_scale(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
         key = (np.asarray(x, float).tobytes(), tuple(sorted(acting.items())), seeds.tobytes())
         if key not in self.cache:
-            self.cache[key] = self.compute(x, acting, seeds)
+            self.cache[key] = self.predict_without_cache(x, acting, seeds)
         return self.cache[key]
 
     def mean(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Mean over seeds; NaN only where every seed failed."""
-        return seed_mean(self.predict(x, acting, seeds))
+        return mean_over_finite_seeds(self.predict_on_scale(x, acting, seeds))
 
-    def setting(self, x: Floats, acting: Numbers) -> tuple[Numbers, Numbers]:
+    def parameters_and_strengths(self, x: Floats, acting: Numbers) -> tuple[Numbers, Numbers]:
         """Parameters and strengths of all effects at calibrated numbers x, with some effects acting."""
-        parameters, adopted = split_setting(self.axes, x)
+        parameters, adopted = split_numbers(self.axes, x)
         return parameters, {c.name: float(acting.get(c.name, 0.0)) for c in self.candidates} | adopted
 
-    def compute(
+    def predict_without_cache(
         self, x: Floats, acting: Numbers, seeds: Integers, doses: Mapping[str, Floats] | None = None
     ) -> Floats:
         """The same anew; `doses` of a mechanism are one for every row."""
-        parameters, effects = self.setting(x, acting)
+        parameters, effects = self.parameters_and_strengths(x, acting)
         result = np.empty((seeds.size, self.which.size))
-        for observable, rows, chosen in self.requests:
+        for observable, rows, chosen in self.row_requests:
             strengths: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(strengths), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         self.cost.runs += int(seeds.size * self.which.size)
         return np.where(np.isfinite(result), result, np.nan)
 
-    def model_errors(
+    def error_factor(
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
-        `doses`: of a mechanism, in every row; `known`: as in `square_root`, by default all rows.
+        `doses`: of a mechanism, in every row; `known`: as in `matrix_root`, by default all rows.
         """
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
-        parameters, effects = self.setting(x, acting)
+        parameters, effects = self.parameters_and_strengths(x, acting)
         queries = [
             (observable, dict(chosen), {name: dose[rows] for name, dose in (doses or {}).items()})
-            for observable, rows, chosen in self.requests
+            for observable, rows, chosen in self.row_requests
         ]
-        order = np.argsort(np.concatenate([rows for _, rows, _ in self.requests]))
+        order = np.argsort(np.concatenate([rows for _, rows, _ in self.row_requests]))
         whole = np.nan_to_num(self.uncertainty(queries, parameters, effects))[np.ix_(order, order)]
-        return square_root(whole, order.size if exact is None else exact, NEGLIGIBLE)
+        return matrix_root(whole, order.size if exact is None else exact, NEGLIGIBLE)
 
 
-def square_root(kernel: Floats, exact: int, least: float) -> Floats:
+def matrix_root(kernel: Floats, exact: int, least: float) -> Floats:
     """Columns F with F F^T = K, of which `known` rows come first, without their parts below `least`.
 
     With V d V^T = K_11 the first columns are K_1 V d^-1/2, and the others are 0 in known rows: what is said
@@ -130,21 +130,21 @@ def square_root(kernel: Floats, exact: int, least: float) -> Floats:
     return np.block([[vectors * size, none], [others, vectors_of_rest * np.sqrt(np.maximum(values, 0.0))]])
 
 
-def seed_mean(values: Floats) -> Floats:
+def mean_over_finite_seeds(values: Floats) -> Floats:
     """Mean over the seeds that succeeded."""
     good = np.isfinite(values)
     count = good.sum(axis=0)
     return np.where(count > 0, np.where(good, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
-def seed_variance(values: Floats, which: Integers) -> Floats:
+def pooled_seed_variance(values: Floats, which: Integers) -> Floats:
     """Variance of one seed, row by row, shrunk towards the pooled one of its observable.
 
     s~_i^2 = (nu_0 s_t^2 + nu_i s_i^2) / (nu_0 + nu_i),    nu_0 = 6
     """
     good = np.isfinite(values)
     freedom = np.maximum(good.sum(axis=0) - 1, 0)
-    squares = np.sum(np.where(good, values - seed_mean(values), 0.0) ** 2, axis=0)
+    squares = np.sum(np.where(good, values - mean_over_finite_seeds(values), 0.0) ** 2, axis=0)
     pooled = np.zeros(values.shape[1])
     for index in np.unique(which):
         rows = which == index
@@ -163,20 +163,20 @@ class AxisScale:
 
     def __call__(self, column: Floats) -> Floats:
         """Standardised values of the rows, or of others."""
-        return (self.fill_missing(column) - self.centre) / self.width
+        return (self.standardise_column(column) - self.centre) / self.width
 
-    def fill_missing(self, column: Floats) -> Floats:
+    def standardise_column(self, column: Floats) -> Floats:
         """Values on the scale of the axis, missing ones at the mean."""
         filled = np.where(np.isfinite(column), column, self.middle)
         return np.log(np.maximum(filled, 1e-300)) if self.logarithmic else filled
 
 
-def axis_scale(column: Floats) -> AxisScale | None:
+def axis_scale_of(column: Floats) -> AxisScale | None:
     """Standardisation of a condition; None if it does not vary."""
     finite = column[np.isfinite(column)]
     if finite.size < 2 or np.ptp(finite) <= 1e-12 * np.abs(finite).max():
         return None
     logarithmic = bool(finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min())
     scale = AxisScale(float(finite.mean()), 0.0, 1.0, logarithmic)
-    filled = scale.fill_missing(column)
+    filled = scale.standardise_column(column)
     return replace(scale, centre=float(filled.mean()), width=float(filled.std()))

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_numbers
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_cells
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
@@ -44,7 +44,7 @@ from taichi_erosion.evidence.data.transforms import (
     parameter_axis,
     working,
 )
-from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
+from taichi_erosion.evidence.models.predictor import Predictor, mean_over_finite_seeds, pooled_seed_variance
 
 SLOPE_SEED = 1  # of the runs from which slopes along conditions are taken
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
@@ -87,53 +87,53 @@ class PreparedProblem:
     heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
 
     @property
-    def axes(self) -> tuple[Axis, ...]:
+    def parameter_axes(self) -> tuple[Axis, ...]:
         return self.predictor.axes
 
     @cached_property
-    def sd(self) -> Floats:
+    def row_sd(self) -> Floats:
         return np.sqrt(self.variance)
 
     @cached_property
-    def correlation(self) -> Floats | None:
+    def error_correlation_of_rows(self) -> Floats | None:
         """Correlation (n, n) of the errors of rows, beside errors that they share; None: they have none."""
         if self.rows.covariance is None:
             return None
-        return self.rows.covariance / np.outer(self.sd, self.sd) + np.eye(self.sd.size)
+        return self.rows.covariance / np.outer(self.row_sd, self.row_sd) + np.eye(self.row_sd.size)
 
     @cached_property
-    def white(self) -> Whitening:
+    def whiten(self) -> Whitening:
         """Whitening of the rows, censored ones as ordinary ones."""
-        if self.correlation is None:
-            return Whitening(self.sd)
-        values, vectors = np.linalg.eigh(self.correlation)
-        return Whitening(self.sd, root=(vectors / np.sqrt(values)) @ vectors.T)
+        if self.error_correlation_of_rows is None:
+            return Whitening(self.row_sd)
+        values, vectors = np.linalg.eigh(self.error_correlation_of_rows)
+        return Whitening(self.row_sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
     @cached_property
-    def noisy(self) -> bool:
+    def has_seed_noise(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working(self.white(self.rows.z - mean), self.rows.reach / self.sd)
+        return working(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
 
     def model_errors(
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        predicted = self.predictor.model_errors(x, acting, doses, exact)
+        predicted = self.predictor.error_factor(x, acting, doses, exact)
         if self.condition_errors is None:
             return predicted
         parts = [np.zeros((self.predictor.which.size, 0))]
         for name, sd in self.condition_errors.sd.items():
-            change = change_along(self.predictor, name, sd, x, acting)
+            change = change_per_sd(self.predictor, name, sd, x, acting)
             column = self.condition_errors.cell[:, np.newaxis] == np.unique(
                 self.condition_errors.cell[sd > 0.0]
             )
             parts.append(np.where(column, change[:, np.newaxis], 0.0))
         return np.hstack([predicted, np.hstack(parts)])
 
-    def by_observable(self) -> Iterator[tuple[Observable, Bools]]:
+    def observables_with_row_masks(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""
         for index, observable in enumerate(self.rows.observables):
             chosen = self.rows.which == index
@@ -141,7 +141,7 @@ class PreparedProblem:
                 yield observable, chosen
 
 
-def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
+def prepare_problem(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
     """Everything that is needed before the first fit; the model's own noise is measured at the prior mean.
 
     The model is calibrated by the parameters, then the strengths of adopted effects. Conditions at which it
@@ -154,11 +154,11 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     predictor = Predictor(*is_known, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
-    values = predictor.predict(start, {}, draw_seeds(generator, PROBE_SEEDS))
+    values = predictor.predict_on_scale(start, {}, random_seeds(generator, PROBE_SEEDS))
     noisy = bool(np.nanmax(np.ptp(np.nan_to_num(values), axis=0), initial=0.0) > 0.0)
-    variance = seed_variance(values, rows.which) if noisy else np.zeros(rows.size)
-    seeds = Seeds(*(draw_seeds(generator, count) for count in seed_counts(problem, rows, variance, noisy)))
-    failed = ~np.isfinite(seed_mean(values))
+    variance = pooled_seed_variance(values, rows.which) if noisy else np.zeros(rows.size)
+    seeds = Seeds(*(random_seeds(generator, count) for count in seed_counts(problem, rows, variance, noisy)))
+    failed = ~np.isfinite(mean_over_finite_seeds(values))
     heaps = heap_correlation(rows, table, problem.replicates)
     rows = add_correlation(rows, heaps)
     warnings = [*rows.warnings]
@@ -167,22 +167,22 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     if failed.any():
         words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)
-        rows, variance = rows.rows(~failed), variance[~failed]
+        rows, variance = rows.select_rows(~failed), variance[~failed]
     is_known = rows.has_noise & ~rows.awaits_correction
-    rows, variance = rows.rows(is_known), variance[is_known]
-    predictor = predictor.over(rows.observables, rows.which, rows.conditions)
+    rows, variance = rows.select_rows(is_known), variance[is_known]
+    predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
     return PreparedProblem(
         problem, rows, predictor, seeds, variance, total, tuple(warnings), condition_errors(rows), heaps
     )
 
 
-def draw_seeds(generator: np.random.Generator, count: int) -> Integers:
+def random_seeds(generator: np.random.Generator, count: int) -> Integers:
     """Fresh seeds that any generator accepts."""
     return generator.integers(1, 2**31 - 1, size=count).astype(np.int64)
 
 
-def setting_count(numbers: int, candidates: int) -> int:
+def usual_count_of_settings(numbers: int, candidates: int) -> int:
     """Settings of the model that an answer usually takes (80 tables of doe/trials)."""
     return BARE + EACH * max(numbers, 1) * candidates
 
@@ -197,7 +197,7 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
         numbers = len(problem.parameters) + len(problem.adopted)
         share = float(np.nanmedian(variance[finite] / np.maximum(rows.variance[finite], UNKNOWN_NOISE)))
         settings = MOST_SETTINGS if problem.runs is None else problem.runs / max(rows.size, 1)
-        most = settings / setting_count(numbers, len(problem.candidates))
+        most = settings / usual_count_of_settings(numbers, len(problem.candidates))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
     return count, count * SCORING_FACTOR if noisy else 1
 
@@ -208,12 +208,12 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     errors = {name: column for name, column in errors.items() if np.any(column > 0.0)}
     if not errors:
         return None
-    cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
+    cells = zip(rows.group, rows.source, condition_cells(rows), strict=True)
     keys = ["|".join(map(str, each)) for each in cells]
     return ConditionErrors(errors, np.unique(keys, return_inverse=True)[1].astype(np.int64))
 
 
-def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:
+def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:
     """Half the difference of the mean one sd above and below; 0 where the model fails.
 
     A condition that is nowhere negative is not taken below 0.
@@ -223,10 +223,10 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
     names, which, values = predictor.observables, predictor.which[uncertain], conditions[name]
     least = 0.0 if np.nanmin(values) >= 0.0 else -np.inf
     ends = [np.maximum(values - sd[uncertain], least), values + sd[uncertain]]
-    seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
-    parts = [predictor.over(names, which, {**conditions, name: end}) for end in ends]
-    low, high = (part.predict(x, acting, seeds) for part in parts)
+    seeds = random_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
+    parts = [predictor.at_rows(names, which, {**conditions, name: end}) for end in ends]
+    low, high = (part.predict_on_scale(x, acting, seeds) for part in parts)
     change[uncertain] = np.nan_to_num(
-        (seed_mean(high) - seed_mean(low)) * sd[uncertain] / (ends[1] - ends[0])
+        (mean_over_finite_seeds(high) - mean_over_finite_seeds(low)) * sd[uncertain] / (ends[1] - ends[0])
     )
     return change

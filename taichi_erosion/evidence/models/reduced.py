@@ -190,7 +190,7 @@ def predict(
 ) -> Floats:
     """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
     value = model_mean(observable, conditions, parameters, effects)
-    kick = SCATTER[observable] * disturbance(observable, conditions, seeds)
+    kick = SCATTER[observable] * paired_normal_numbers(observable, conditions, seeds)
     return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
 
@@ -229,19 +229,19 @@ def mean_with_shifts(
     return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
 
 
-def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:
+def paired_normal_numbers(observable: str, conditions: Conditions, seeds: Integers) -> Floats:
     """Standard normal number of every (seed, condition), the same whatever the parameters and effects."""
-    return disturbance_of(row_states(observable, conditions), seeds)
+    return normal_numbers_of_states(hash_rows(observable, conditions), seeds)
 
 
-def disturbance_of(rows: np.ndarray, seeds: Integers) -> Floats:
+def normal_numbers_of_states(rows: np.ndarray, seeds: Integers) -> Floats:
     """Standard normal numbers (seeds, rows) of rows in their states."""
     grid = splitmix64(rows[np.newaxis, :] ^ splitmix64(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
     uniform = (np.right_shift(grid, np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
     return ndtri(uniform)
 
 
-def row_states(observable: str, conditions: Conditions) -> np.ndarray:
+def hash_rows(observable: str, conditions: Conditions) -> np.ndarray:
     """A number for every row that its observable and conditions make.
 
     A hash of the bits, so that the order of rows does not matter. Reference: the finaliser of Steele, Lea &

@@ -17,7 +17,7 @@ from taichi_erosion.campaign.ledger import Database, open_database
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, row_count
-from taichi_erosion.evidence.models.plugin import read_through, row_doses
+from taichi_erosion.evidence.models.plugin import apply_instrument_effect, dose_of_rows
 
 FILE = "runs.sqlite"
 COMMIT_INTERVAL = 1.0  # s; what a kill may lose
@@ -33,7 +33,7 @@ class RunStore:
     database: Database | None = None
     commit_time: float = field(default_factory=monotonic)
 
-    def fetch(self, keys: list[bytes]) -> dict[bytes, Floats]:
+    def fetch_runs(self, keys: list[bytes]) -> dict[bytes, Floats]:
         """Values of those runs that have been made."""
         values = {key: self.pending[key] for key in keys if key in self.pending}
         absent = [key for key in dict.fromkeys(keys) if key not in values]
@@ -43,13 +43,13 @@ class RunStore:
             values |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
         return values
 
-    def store(self, key: bytes, values: Floats) -> None:
+    def store_run(self, key: bytes, values: Floats) -> None:
         """Keep the values of one run."""
         self.pending[key] = values
         if monotonic() - self.commit_time > COMMIT_INTERVAL:
-            self.commit()
+            self.commit_runs()
 
-    def commit(self) -> None:
+    def commit_runs(self) -> None:
         """Write everything put so far."""
         if self.pending:
             rows = [(key, np.asarray(values, dtype="<f8").tobytes()) for key, values in self.pending.items()]
@@ -93,7 +93,7 @@ class FunctionModel:
         for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
             if law.place != "instrument":
                 before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
-                doses[law.mechanism] = before + strength * row_doses(law, conditions)
+                doses[law.mechanism] = before + strength * dose_of_rows(law, conditions)
         if doses:
             _, kinds = np.unique(np.column_stack(list(doses.values())), axis=0, return_inverse=True)
             values = np.empty((seeds.size, row_count(conditions)))
@@ -101,15 +101,15 @@ class FunctionModel:
                 rows = np.flatnonzero(kinds.reshape(-1) == kind)
                 there = {name: column[rows] for name, column in conditions.items()}
                 dosed = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
-                values[:, rows] = self.stored_values(observable, there, parameters, dosed, seeds)
+                values[:, rows] = self.values_by_store(observable, there, parameters, dosed, seeds)
         else:
-            values = self.stored_values(observable, conditions, parameters, inside, seeds)
+            values = self.values_by_store(observable, conditions, parameters, inside, seeds)
         for name, strength in acting.items():
             if self.effects[name].place == "instrument":
-                values = read_through(self.effects[name], strength, conditions, observable, values)
+                values = apply_instrument_effect(self.effects[name], strength, conditions, observable, values)
         return values
 
-    def stored_values(
+    def values_by_store(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Values [seed, row] of the function itself, from the store where they are there.
@@ -124,13 +124,13 @@ class FunctionModel:
                 f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
                 "made are kept. Raise budget.runs"
             )
-        stored = self.store.fetch(keys)
+        stored = self.store.fetch_runs(keys)
         missing = [k for k, key in enumerate(keys) if key not in stored]
         if missing:
             new = self.function(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
             for k, values in zip(missing, np.asarray(new, dtype=np.float64), strict=True):
                 stored[keys[k]] = values
-                self.store.store(keys[k], values)
+                self.store.store_run(keys[k], values)
         return np.array([stored[key] for key in keys])
 
 

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.problem import (
     Parameter,
     row_count,
 )
-from taichi_erosion.evidence.data.transforms import effect_of
+from taichi_erosion.evidence.data.transforms import effect_at
 from taichi_erosion.execution.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.mechanisms.library import DOSE, mechanism_file
 from taichi_erosion.scene import Scene
@@ -74,19 +74,19 @@ class Simulator:
         """PATH=VALUE overrides of one run."""
         scene, able = measure.scene, self.can_act
         acting = {name: psi for name, psi in effects.items() if psi != 0.0 and able(name, scene, at)}
-        present = {*acting, *self.acting_effects(measure.scene)}
+        present = {*acting, *self.effects_acting_in_scene(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         finite = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
         entries = {
             path: value
             for path, value in (finite | dict(parameters)).items()
-            if path in measure.accepted_paths and parameter_matters(path, present)
+            if path in measure.accepted_paths and parameter_can_change_run(path, present)
         }
         for name, psi in acting.items():
             entries[f"effects.{name}.{DOSE if name in self.mechanisms else STRENGTH}"] = psi
         return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
 
-    def with_mechanisms(self, names: Sequence[str]) -> "Simulator":
+    def simulator_with_mechanisms(self, names: Sequence[str]) -> "Simulator":
         """The same with some mechanisms in its library; the ledger is shared."""
         files = tuple(mechanism_file(name) for name in names)
         library = dict(self.library) | {effect_in(file).name: effect_in(file) for file in files}
@@ -101,38 +101,38 @@ class Simulator:
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
         """Whether an effect can act under some conditions; the scene may state what they leave out."""
         columns = {path: np.array([value]) for path, value in at.items()}
-        return bool(self.effect_mask(self.library[effect], columns, scene)[0])
+        return bool(self.rows_where_effect_can_act(self.library[effect], columns, scene)[0])
 
-    def scene(self, path: Path, overrides: tuple[str, ...] = ()) -> Scene:
+    def load_scene_at(self, path: Path, overrides: tuple[str, ...] = ()) -> Scene:
         """A validated scene, with the effects of the study's files."""
         return cached_scene(path, overrides, self.effect_files)
 
-    def acting_effects(self, scene: Path) -> set[str]:
+    def effects_acting_in_scene(self, scene: Path) -> set[str]:
         """Effects that act in a scene as its file stands; one of strength 0 only states its parameters."""
-        entries = self.scene(scene).effects
+        entries = self.load_scene_at(scene).effects
         return {name for name, entry in entries.items() if entry.get(STRENGTH, 1.0) > 0.0}
 
-    def stated_numbers(self, scene: Path, effect: str) -> Numbers:
+    def scene_numbers_of(self, scene: Path, effect: str) -> Numbers:
         """Numbers of an effect, but for its strength, that a scene states itself."""
-        entries = self.scene(scene).effects.get(effect, {})
+        entries = self.load_scene_at(scene).effects.get(effect, {})
         return {name: value for name, value in entries.items() if name != STRENGTH}
 
-    def effect_mask(self, effect: Effect, columns: Conditions, scene: Path) -> Bools:
+    def rows_where_effect_can_act(self, effect: Effect, columns: Conditions, scene: Path) -> Bools:
         """Rows in which an effect can act; what a row leaves out is as the scene states it."""
-        conditions = self.known_conditions(columns, scene)
+        conditions = self.stated_columns(columns, scene)
         with failures_of(effect, "can_act"):
             return np.broadcast_to(np.asarray(effect.can_act(conditions), dtype=np.bool_), row_count(columns))
 
-    def known_conditions(self, columns: Conditions, scene: Path) -> Conditions:
+    def stated_columns(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
-        section = self.scene(scene).conditions
+        section = self.load_scene_at(scene).conditions
         conditions = {
-            name: np.full(row_count(columns), value) for name, value in section.stated_values().items()
+            name: np.full(row_count(columns), value) for name, value in section.values_in_si().items()
         }
         for path, column in columns.items():
-            name = condition_name(path)
+            name = condition_name_of_dotted_path(path)
             if name is not None and bool(np.isfinite(column).any()):
-                values = section.extra[name].in_si(column) if name in section.extra else column
+                values = section.extra[name].value_in_si(column) if name in section.extra else column
                 conditions[name] = np.where(np.isfinite(column), values, conditions.get(name, np.nan))
         return conditions
 
@@ -146,7 +146,7 @@ class Simulator:
 cached_scene = lru_cache(maxsize=MOST_SCENES)(read_scene)  # the observables of one scene need the same ones
 
 
-def condition_name(path: str) -> str | None:
+def condition_name_of_dotted_path(path: str) -> str | None:
     """Name of the condition that a dotted path sets, None for a path of another section."""
     if not path.startswith(CONDITIONS):
         return None
@@ -155,14 +155,14 @@ def condition_name(path: str) -> str | None:
 
 def condition_matters(path: str, read: set[str]) -> bool:
     """Whether a condition can change a run in which the conditions `read` are read by effects."""
-    name = condition_name(path)
+    name = condition_name_of_dotted_path(path)
     for_effects = name in FOR_EFFECTS or name not in PredefinedConditions.model_fields
     return name is None or not for_effects or name in read
 
 
-def parameter_matters(path: str, present: Collection[str]) -> bool:
+def parameter_can_change_run(path: str, present: Collection[str]) -> bool:
     """Whether a calibrated number can change a run in which some effects act: an effect's own needs it."""
-    effect = effect_of(path)
+    effect = effect_at(path)
     return effect is None or effect in present
 
 
@@ -176,7 +176,7 @@ def row_at(conditions: Conditions, row: int) -> Numbers:
     return {path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)}
 
 
-def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
+def study_value(result: RunResult, measure: SceneMeasure) -> float:
     """Measured value in the study's unit, NaN where there is none."""
     unit = result.record.get("measures", {}).get(measure.measure, {}).get("unit")
     if result.failure or unit is None:
@@ -199,16 +199,16 @@ def study_simulator(
     files = tuple(dict.fromkeys((*effect_files, *(each for one in read for each in scene_effect_files(one)))))
     names = tuple(effect_in(each).name for each in effect_files)
     simulator = Simulator({}, load_library(files), folder, files, names, device=file.campaign)
-    numbers = scene_numbers(file, table)
+    numbers = numbers_set_in_scenes(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
     for name, entry in file.observables.items():
         scene, measure = scenes[name], entry.measure or name
-        there = simulator.scene(scene).measure
+        there = simulator.load_scene_at(scene).measure
         if measure not in there:
             message = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
             raise BadInput(f"{path}: observables.{name}: {message}")
-        refusals |= {(scene, n): refusal(scene, n, value, files) for n, value in numbers.items()}
+        refusals |= {(scene, n): refusal_of_number(scene, n, value, files) for n, value in numbers.items()}
         accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
         measures[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
     for (_, number), reason in refusals.items():
@@ -217,7 +217,7 @@ def study_simulator(
     return replace(simulator, measures=measures)
 
 
-def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
+def numbers_set_in_scenes(file: StudyFile, table: Measurements) -> Numbers:
     """Numbers that the study sets in scenes, each with a value that it will have."""
     numbers: Numbers = {}
     for name, paths in file.conditions.items():
@@ -226,7 +226,7 @@ def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
     return numbers | {name: entry.start for name, entry in file.parameters.items()}
 
 
-def refusal(scene: Path, number: str, value: float, files: EffectFiles) -> str | None:
+def refusal_of_number(scene: Path, number: str, value: float, files: EffectFiles) -> str | None:
     """Why a scene cannot take a number, None where it can."""
     try:
         cached_scene(scene, (f"{number}={value!r}",), files)
@@ -242,7 +242,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     """
     choice, library = file.candidates, simulator.library
     scenes = {measure.scene for measure in simulator.measures.values()}
-    acting = {each for scene in scenes for each in simulator.acting_effects(scene)}
+    acting = {each for scene in scenes for each in simulator.effects_acting_in_scene(scene)}
     names = list(library) if choice.effects == (ALL,) else list(choice.effects or choice.tables)
     if choice.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
         raise BadInput(f"{name}: candidates.{min(twice)} acts in a scene already: it is part of the model")
@@ -257,13 +257,13 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     ]
 
 
-def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
+def unread_notes(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
     """Sentences on columns that change no run: no effect of the scenes and no candidate reads them."""
-    acting = [simulator.acting_effects(each.scene) for each in simulator.measures.values()]
+    acting = [simulator.effects_acting_in_scene(each.scene) for each in simulator.measures.values()]
     present = {each.name for each in tried}.union(file.adopted, *acting)
     conditions = {name for effect in present for name in simulator.library[effect].reads}
     for name, paths in file.conditions.items():
-        names = {condition_name(path) for path in dotted_paths(paths)}
+        names = {condition_name_of_dotted_path(path) for path in dotted_paths(paths)}
         able = ", ".join(key for key, effect in simulator.library.items() if names & {*effect.reads})
         remedy = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
         if not any(condition_matters(path, conditions) for path in dotted_paths(paths)):
@@ -294,12 +294,12 @@ def uncertain_parameters(
         ranges = {each.name: each.metadata for each in fields(effect.params)}
         read = {f"{CONDITIONS}{name}" for name in effect.reads}
         columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
-        able = [simulator.effect_mask(effect, column_of, scene) for scene in scenes]
+        able = [simulator.rows_where_effect_can_act(effect, column_of, scene) for scene in scenes]
         mask = np.any(able, axis=0)
         levels = {tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)}
         for name, sd in effect.uncertain.items() if len(levels) > 1 else ():
             path = f"effects.{effect.name}.{name}"
-            entries = (simulator.stated_numbers(m.scene, effect.name) for m in simulator.measures.values())
+            entries = (simulator.scene_numbers_of(m.scene, effect.name) for m in simulator.measures.values())
             start = next((entry[name] for entry in entries if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
                 parameters.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))

@@ -13,24 +13,24 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import column_faults, condition_scales, told_by
+from taichi_erosion.evidence.data.measured import told_by, unit_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import Interview, understand_columns
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.transforms import effect_of
-from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
-from taichi_erosion.scene.load import toml_table
-from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.physical_ranges import OBSERVED, place_range
+from taichi_erosion.evidence.data.transforms import effect_at
+from taichi_erosion.evidence.models.simulator import condition_name_of_dotted_path, dotted_paths
+from taichi_erosion.scene.load import read_toml
+from taichi_erosion.scene.paths import unit_at_path
+from taichi_erosion.scene.physical_ranges import OBSERVED, range_at
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing
-from taichi_erosion.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.tables.spreadsheet import Cells, read_table_cells
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
 
 
-def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...] = ()) -> dict[str, str]:
+def condition_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...] = ()) -> dict[str, str]:
     """Unit of what every condition of a study sets; empty for a model function, which counts in SI.
 
     A place that no scene has is left out: the scenes of the study refuse it. Raises BadInput where the places
@@ -39,14 +39,14 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
     if file.study.model is not None:
         return {}
     columns = {name: dotted_paths(paths) for name, paths in file.conditions.items()}
-    declared, library = declared_conditions(file, path.parent), dict[str, Effect]()
-    if any(effect_of(each) for paths in columns.values() for each in paths):
+    declared, library = declared_units_of_study(file, path.parent), dict[str, Effect]()
+    if any(effect_at(each) for paths in columns.values() for each in paths):
         from taichi_erosion.effect_library import load_library
 
         library |= load_library(effect_files)
     units_of: dict[str, str] = {}
     for name, paths in columns.items():
-        units = {each: unit_of_place(each, library, declared) for each in paths}
+        units = {each: unit_at_dotted_path(each, library, declared) for each in paths}
         names = {unit for unit in units.values() if unit is not None}
         if len(names) > 1:
             message = ", ".join(f"{each} in {unit}" for each, unit in units.items())
@@ -56,19 +56,19 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
     return units_of
 
 
-def unit_of_place(path: str, library: Mapping[str, Effect], declared: Mapping[str, str]) -> str | None:
+def unit_at_dotted_path(path: str, library: Mapping[str, Effect], declared: Mapping[str, str]) -> str | None:
     """Unit of the number at a dotted path, None where there is none."""
-    name = condition_name(path)
+    name = condition_name_of_dotted_path(path)
     if name is not None and name in declared:
         return declared[name]
     effect, _, number = path.removeprefix("effects.").partition(".")
-    if effect_of(path) is None or effect not in library:
-        return unit_of_path(path)
+    if effect_at(path) is None or effect not in library:
+        return unit_at_path(path)
     units = {field.name: str(field.metadata["unit"]) for field in fields(library[effect].params)}
     return "1" if number == STRENGTH else units.get(number)
 
 
-def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
+def declared_units_of_study(file: StudyFile, folder: Path) -> dict[str, str]:
     """Units of the conditions under [conditions.extra] of the study's scenes."""
     scenes = dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene)
     return {name: unit for scene in scenes for name, unit in declared_units(folder / scene).items()}
@@ -76,49 +76,49 @@ def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
 
 def declared_units(scene: Path) -> dict[str, str]:
     """Units of the conditions under [conditions.extra] of a scene."""
-    extra = at_path(readable_table(scene), "conditions.extra")
+    extra = value_at_dotted_path(raw_scene_table(scene), "conditions.extra")
     entries = extra.items() if isinstance(extra, dict) else ()
-    units = {str(name): at_path(entry, "unit") for name, entry in entries}
+    units = {str(name): value_at_dotted_path(entry, "unit") for name, entry in entries}
     return {name: unit for name, unit in units.items() if isinstance(unit, str)}
 
 
-def readable_table(scene: Path) -> dict[str, object]:
+def raw_scene_table(scene: Path) -> dict[str, object]:
     """Raw table of a scene; empty for one that cannot be read, whose fault the validation reports."""
     try:
-        return toml_table(scene)
+        return read_toml(scene)
     except BadInput:
         return {}
 
 
-def at_path(table: Any, path: str) -> Any:
+def value_at_dotted_path(table: Any, path: str) -> Any:
     """What stands at a dotted path of a raw table; None where there is nothing."""
     for key in path.split("."):
         table = table.get(key) if isinstance(table, dict) else None
     return table
 
 
-def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
+def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
     """Impossible values of a table, and columns whose unit seems mistaken, one line each.
 
     A model function may count in any unit: of its table only impossible values with a stated unit are told.
     """
-    scenes = [readable_table(folder / e.scene) for e in file.observables.values() if e.scene is not None]
+    scenes = [raw_scene_table(folder / e.scene) for e in file.observables.values() if e.scene is not None]
     for name, paths in file.conditions.items():
         if name not in table.conditions:
             continue
         path = dotted_paths(paths)[0]
         if scenes:
-            values = (at_path(scene, path) for scene in scenes)
+            values = (value_at_dotted_path(scene, path) for scene in scenes)
             allowed, value = (
-                place_range(path),
+                range_at(path),
                 next((float(n) for n in values if type(n) in (int, float)), nan),
             )
         else:
             unit = table.units[table.conditions.index(name)]
-            allowed, value = place_range(f"conditions.{path}") if unit else None, nan
-        yield from column_faults(table, name, allowed, value, usual=bool(scenes))
+            allowed, value = range_at(f"conditions.{path}") if unit else None, nan
+        yield from value_faults(table, name, allowed, value, usual=bool(scenes))
     for name, entry in file.observables.items():
-        yield from column_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
+        yield from value_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
 
 @dataclass(frozen=True)
@@ -144,18 +144,18 @@ def read_new_conditions(
     a unit is in the unit of the study's own table. `folder`: of the study. Impossible values are refused.
     """
     faults = Faults()
-    cells = read_cells(path, one_line_name(path), faults)
+    cells = read_table_cells(path, one_line_name(path), faults)
     if not cells.rows or not cells.lines:
         raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
-    columns, groups = condition_columns(cells, file, measured, faults)
-    table = conditions_of(cells, columns, faults)
+    columns, groups = columns_setting_conditions(cells, file, measured, faults)
+    table = condition_rows(cells, columns, faults)
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in columns}})
-    scales = faults.of(condition_scales, table, chosen, places) or {}
-    faults += study_value_faults(table, chosen, folder)
+    scales = faults.of(unit_scales, table, chosen, places) or {}
+    faults += impossible_study_values(table, chosen, folder)
     absent = [name for name in file.conditions if name not in columns]
-    constant = {name: faults.of(constant_value, cells, name, measured) for name in absent}
-    queries = faults.of(wanted_rows, cells, list(file.observables)) or []
-    faults.tell()
+    constant = {name: faults.of(only_value_of_condition, cells, name, measured) for name in absent}
+    queries = faults.of(rows_and_observables_wanted, cells, list(file.observables)) or []
+    faults.raise_if_any()
     rows, reader = [row for row, _ in queries], RowReader(cells, groups, faults)
     texts = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
     values: Conditions = {name: np.array([scales[name].to_use(at[name]) for at in texts]) for name in columns}
@@ -172,7 +172,7 @@ def read_new_conditions(
     )
 
 
-def condition_columns(
+def columns_setting_conditions(
     cells: Cells, file: StudyFile, measured: Measurements, faults: Faults
 ) -> tuple[dict[str, Column], list[Column]]:
     """Columns that set conditions of the study, by its names, and of groups; raises BadInput with all faults.
@@ -195,25 +195,25 @@ def condition_columns(
         if unit and usual and conversion(parse_scale(unit), parse_scale(usual)) is None:
             faults.append(f"{cells.file}: {name} is in {unit}, in the table of the study in {usual}")
         columns[name] = replace(column, heading=replace(column.heading, unit=unit or usual))
-    faults.tell()
+    faults.raise_if_any()
     return columns, [column for column in readable if column.role == "group"]
 
 
-def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -> Table:
+def condition_rows(cells: Cells, columns: Mapping[str, Column], faults: Faults) -> Table:
     """Rows of conditions alone; cells that hold no number are added to `faults`."""
     reader = RowReader(cells, list(columns.values()), faults)
     rows = []
     for line, row in cells.lines:
-        numbers = tuple(reader.number(line, row, column).value for column in columns.values())
+        numbers = tuple(reader.number_of(line, row, column).value for column in columns.values())
         for column in (each for each in columns.values() if is_missing(row[each.place])):
-            reader.fault(line, column, row, "is empty")
+            reader.add_fault(line, column, row, "is empty")
         rows.append(Row(line, "", np.nan, False, np.nan, None, "1", "", "", numbers))
     faults += reader.cell_faults()
     units = tuple(column.heading.unit or None for column in columns.values())
     return Table(cells.file, tuple(columns), units, tuple(rows))
 
 
-def constant_value(cells: Cells, name: str, measurements: Measurements) -> float:
+def only_value_of_condition(cells: Cells, name: str, measurements: Measurements) -> float:
     """The study's only value of a condition that the table leaves out; raises BadInput for several."""
     column = measurements.conditions[name]
     values = np.unique(column[np.isfinite(column)])
@@ -223,7 +223,7 @@ def constant_value(cells: Cells, name: str, measurements: Measurements) -> float
     return float(values[0]) if values.size else np.nan
 
 
-def wanted_rows(cells: Cells, observables: Sequence[str]) -> list[tuple[int, str]]:
+def rows_and_observables_wanted(cells: Cells, observables: Sequence[str]) -> list[tuple[int, str]]:
     """Row and observable of every prediction; raises BadInput for an observable that the study has not."""
     queries: list[tuple[int, str]] = []
     headings = [text.strip().lower() for text in cells.heading]

@@ -22,7 +22,7 @@ from taichi_erosion.evidence.race.priors import ADEQUATE
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # of a normal distribution
 
 
-def discrepancies(fit: Fit) -> Bools:
+def discrepancy_scale_mask(fit: Fit) -> Bools:
     """Scales (k,) of smooth discrepancies, which are no chance and no part of an explanation."""
     kinds = [block.kind for block in fit.blocks]
     return np.array([*(kind == "discrepancy" for kind in kinds), *(False,) * (fit.scales.size - len(kinds))])
@@ -39,15 +39,15 @@ def residual(fit: Fit) -> Floats:
     return now.rows.y - now.rows.columns @ np.where(exclusions, 0.0, now.tau * now.centre)
 
 
-def chi2(fit: Fit) -> float:
+def chi_square_of_fit(fit: Fit) -> float:
     """Misfit of all rows: weighted squares of what an explanation leaves."""
     return float(fit.evidence.solution.rows.weight @ residual(fit) ** 2)
 
 
-def repeat_squares(fit: Fit) -> tuple[Floats, Floats]:
+def pure_error_of_repeats(fit: Fit) -> tuple[Floats, Floats]:
     """Squares of repeated rows about their means and their degrees of freedom, by scatter (k,)."""
     rows = fit.evidence.solution.rows
-    squares, freedom = np.zeros(rows.scatters), np.zeros(rows.scatters)
+    squares, freedom = np.zeros(rows.count_scatters), np.zeros(rows.count_scatters)
     for block in (block for block in fit.blocks if block.kind == "preparation"):
         for repeats in block.columns.T > 0.0:
             repeats &= rows.scatter >= 0
@@ -58,22 +58,22 @@ def repeat_squares(fit: Fit) -> tuple[Floats, Floats]:
     return squares, freedom
 
 
-def misfit_p(fit: Fit, levels: bool) -> float:
+def misfit_p_value(fit: Fit, levels: bool) -> float:
     """Chance of as large a misfit of the rows; `levels`, sources and groups as large as they are in the fit.
 
     Otherwise they have the size that their priors expect.
     """
     rows = fit.evidence.solution.rows
-    usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.scatters
-    u = np.where(usual, rows.scales.start, fit.scales)
-    u = np.where(discrepancies(fit), -np.inf, u)
+    usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.count_scatters
+    u = np.where(usual, rows.scales.initial, fit.scales)
+    u = np.where(discrepancy_scale_mask(fit), -np.inf, u)
     if fit.dose is not None:
         factors = rows.block == len(fit.blocks) - 1
         rows = replace(rows, y=rows.y - rows.columns[:, factors] @ fit.dose.coefficients)
         u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
-    size = np.array([rows.y @ rows.posterior_at(u + z * doubt).precision[0] for z in NODES])
-    squares, freedom = repeat_squares(fit)
+    size = np.array([rows.y @ rows.at_scales(u + z * doubt).whitened[0] for z in NODES])
+    squares, freedom = pure_error_of_repeats(fit)
     ln_f = np.outer(NODES, doubt[rows.blocks :])
     repeats = np.exp(-2.0 * ln_f) @ squares
     share = np.log(WEIGHTS) - ln_f @ freedom - 0.5 * repeats
@@ -84,4 +84,4 @@ def misfit_p(fit: Fit, levels: bool) -> float:
 
 def is_adequate(fit: Fit, least: float = ADEQUATE) -> bool:
     """Whether the rows do not refute a fit."""
-    return misfit_p(fit, levels=True) >= least
+    return misfit_p_value(fit, levels=True) >= least

@@ -22,9 +22,9 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_cells
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.models.predictor import axis_scale, square_root
+from taichi_erosion.evidence.models.predictor import axis_scale_of, matrix_root
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
@@ -51,7 +51,7 @@ def unlisted_blocks(
     Something that is not in the list acts along one condition, or along all of them: one key for each.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
-    axes = [name for name, column in rows.conditions.items() if axis_scale(column[is_known]) is not None]
+    axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
     blocks_along = {}
     for along in ("", *(axes if len(axes) > 1 else ())):
         blocks_along[along] = [
@@ -85,30 +85,30 @@ def nuisance(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors
             if columns.shape[1]:
                 small = scale(f"discrepancy {name}", normal=priors.small)
                 blocks.append(Block("discrepancy", name, columns, small, size=size))
-    return [*blocks, *shared_blocks(rows, is_known, unit, priors.near)]
+    return [*blocks, *shared_error_blocks(rows, is_known, unit, priors.near)]
 
 
-def shared_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, near: float) -> Iterator[Block]:
+def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, near: float) -> Iterator[Block]:
     """Errors that rows of a source, of a preparation, and of a group of several set-ups have in common."""
     size = np.array(
         [np.median(unit[(rows.which == k) & is_known] if is_known.any() else 1.0) for k in rows.which]
     )
-    cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_numbers(rows), strict=True)]
+    cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_cells(rows), strict=True)]
     source, set_up = scale("source", cauchy=near), scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
     kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
     for kind, labels, prior in kinds:
-        columns, names = shared_columns(rows, is_known, labels)
+        columns, names = label_masks(rows, is_known, labels)
         if names:
             yield Block(kind, "", columns * size[:, None], prior)
-    _, names = shared_columns(rows, is_known, rows.group)
+    _, names = label_masks(rows, is_known, rows.group)
     groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
         yield Block("group", "", masks.astype(np.float64), scale("group", cauchy=2.0 * near))
 
 
-def shared_columns(
+def label_masks(
     rows: ComparisonRows, is_known: Bools, labels: Sequence[str]
 ) -> tuple[Floats, tuple[str, ...]]:
     """A mask for each label of each observable that has several rows of it and others too.
@@ -144,16 +144,16 @@ def smooth_columns(
     fitted, kernel = mask[at], np.ones((at.size, at.size))
     for name in [along] if along else rows.conditions:
         column = rows.conditions[name][at]
-        axis = axis_scale(column[fitted])
+        axis = axis_scale_of(column[fitted])
         if axis is not None:
-            place = axis.fill_missing(column)
+            place = axis.standardise_column(column)
             share = (place - place[fitted].min()) / np.ptp(place[fitted])
             distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
             kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
     kernel = kernel - kernel[fitted].mean(axis=0)
     kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
     count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))
-    columns = square_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
+    columns = matrix_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
     entry = next(each for each in rows.observables if each.name == observable)
     # published laws of an amount differ by powers of the grain size
     if not along and entry.transform == "log_floor" and entry.shared_over in rows.conditions:
@@ -165,7 +165,7 @@ def smooth_columns(
     return values
 
 
-def dose_columns(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:
+def dose_factors(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:
     """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
 
     All observables share it: L L^T = exp(-1/2 d^2) + 1/4 with d in sd of a condition; along a
@@ -173,7 +173,7 @@ def dose_columns(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:
     """
     columns, squares, count = {}, [], int(is_known.sum())
     for name, column in rows.conditions.items():
-        axis = axis_scale(column[is_known])
+        axis = axis_scale_of(column[is_known])
         if axis is None:
             continue
         place, zero = axis(column), column == 0.0
@@ -182,7 +182,7 @@ def dose_columns(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:
         if zero[is_known].any() and np.nanmin(column[is_known]) == 0.0:
             at = int(np.argmax(zero))
             kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
-        columns[name] = square_root(kernel, count, SMOOTHEST)
+        columns[name] = matrix_root(kernel, count, SMOOTHEST)
     if len(squares) > 1:
-        columns["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25, count, SMOOTHEST)
+        columns["all"] = matrix_root(np.exp(-0.5 * sum(squares)) + 0.25, count, SMOOTHEST)
     return columns

@@ -22,10 +22,10 @@ from math import log
 
 import numpy as np
 
-from taichi_erosion.evidence.race.adequacy import chi2, is_adequate
+from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, scatter_of, score
-from taichi_erosion.evidence.race.linear_evidence import with_best_scales
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of, row_scatter
+from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
 from taichi_erosion.evidence.race.search import prior
@@ -47,7 +47,7 @@ class Decision(DecisionPart):
     beyond: dict[str, float]  # of every mechanism
 
     @property
-    def part(self) -> DecisionPart:
+    def decision_record(self) -> DecisionPart:
         """What an answer keeps of it."""
         return DecisionPart(**{entry.name: getattr(self, entry.name) for entry in fields(DecisionPart)})
 
@@ -57,22 +57,22 @@ class Decision(DecisionPart):
         return frozenset((*self.named, *self.acting_mechanisms[: None if self.together else 1]))
 
 
-def decide(posterior: Posterior) -> Decision:
+def decide_cause(posterior: Posterior) -> Decision:
     """The decision on a race."""
     race = posterior.race
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
-    inclusion = {name: probability(posterior, [name]) for name in effects}
-    beyond = {name: probability(posterior, [name]) for name in mechanisms}
-    outside = probability(posterior, [OUTSIDE, *mechanisms])
+    inclusion = {name: any_acts(posterior, [name]) for name in effects}
+    beyond = {name: any_acts(posterior, [name]) for name in mechanisms}
+    outside = any_acts(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
-    chance = familywise_p(race, posterior.best) if named or group else 1.0
+    chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:
         named, group = (), ()
-    sound = {name: p for name, p in beyond.items() if reaches(race, name)}
+    sound = {name: p for name, p in beyond.items() if dose_fit_is_adequate(race, name)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
-    if (named or group) and not holds(posterior, named, group, both):
+    if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     single = sound if refuted or named else inclusion | sound
     leading = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
@@ -86,7 +86,7 @@ def decide(posterior: Posterior) -> Decision:
         acting_mechanisms=leading if verdict == "outside_library" else (),
         together=len(both) > 1,
         refuted=refuted,
-        probabilities=probabilities(posterior, {*effects, *mechanisms}),
+        probabilities=probabilities_of_explanations(posterior, {*effects, *mechanisms}),
         p=chance,
         unlisted=outside,
         inclusion=inclusion,
@@ -94,7 +94,7 @@ def decide(posterior: Posterior) -> Decision:
     )
 
 
-def probabilities(posterior: Posterior, names: set[str]) -> dict[str, float]:
+def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict[str, float]:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
     table = {"none": posterior.probability.get(Hypothesis(()), 0.0), "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
@@ -105,7 +105,7 @@ def probabilities(posterior: Posterior, names: set[str]) -> dict[str, float]:
     return table
 
 
-def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
+def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
     Alone, or `beside` mechanisms that act. What leaves a larger misfit than nothing does is refuted.
@@ -116,19 +116,19 @@ def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) ->
     if not fits:
         return False
     best = max(fits, key=lambda fit: fit.log_evidence)
-    medians = {name: quantiles(*posterior.strength(name))[1] for name in best.hypothesis.names}
+    medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
-    return listed and is_adequate(best, FAMILYWISE) and chi2(best) < chi2(race.bare)
+    return listed and is_adequate(best, FAMILYWISE) and chi_square_of_fit(best) < chi_square_of_fit(race.bare)
 
 
-def reaches(race: Race, mechanism: str) -> bool:
+def dose_fit_is_adequate(race: Race, mechanism: str) -> bool:
     """Whether the likeliest doses of a mechanism, where the model has gone, are not refuted by the rows."""
     fits = [fit for fit in race.fits.values() if mechanism in fit.hypothesis.acting]
-    best = max(fits, key=score, default=None)
+    best = max(fits, key=log_weight_of, default=None)
     return best is not None and is_adequate(best, FAMILYWISE)
 
 
-def fit_of(posterior: Posterior, decision: Decision) -> Fit:
+def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:
     """The likeliest explanation of what is told, of mechanisms of the first; of all where a group is told."""
     race = posterior.race
     if decision.verdict == "none_detected":
@@ -140,7 +140,7 @@ def fit_of(posterior: Posterior, decision: Decision) -> Fit:
     return race.fits[max([h for h in share if h.acting >= decision.core] or share, key=lambda h: share[h])]
 
 
-def probability(posterior: Posterior, names: Iterable[str]) -> float:
+def any_acts(posterior: Posterior, names: Iterable[str]) -> float:
     """Probability that one of some effects or mechanisms acts."""
     subset = set(names)
     return sum(p for h, p in posterior.probability.items() if subset & h.acting)
@@ -152,18 +152,18 @@ def smallest(
     """The fewest of some effects, likeliest first, of which one acts with SURE; none if more are needed."""
     ranked = sorted(names, key=lambda name: -single[name])
     for count in range(1, most + 1):
-        if probability(posterior, ranked[:count]) >= SURE:
+        if any_acts(posterior, ranked[:count]) >= SURE:
             return tuple(name for name in ranked[:count] if single[name] > KEEP)
     return ()
 
 
 def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
-    bare, singles = race.bare, race.sets(1)
+    bare, singles = race.bare, race.effect_sets(1)
     rows, _ = race.linear(bare)
     u = best.evidence.solution.scales_for(rows.scales)
-    signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
-    along, gram = rows.with_bad(best.evidence.bad).posterior_at(u).against(signatures)
+    signatures = np.column_stack([race.prepared.whiten(fit.mean - bare.mean) for fit in singles])
+    along, gram = rows.downweight_bad_rows(best.evidence.bad).at_scales(u).project(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
     observed = float(np.max(along / size))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
@@ -177,25 +177,25 @@ def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str,
 
     `decision` may have changed by fresh runs: it stands wherever the race decides as under its own priors.
     """
-    priors, usual = posterior.race.priors, decide(posterior)
+    priors, usual = posterior.race.priors, decide_cause(posterior)
     for key in VARIED if usual.beyond else [key for key in VARIED if key != "dose"]:
         for factor in (0.5, 2.0):
             names = ERRORS if key == "errors" else (key,)
             sizes = {name: factor * getattr(priors, name) for name in names}
             odds = {name: p / (1.0 - p / factor + p) for name, p in sizes.items() if name in VARIED[:3]}
-            there = posterior_under(posterior, replace(priors, **sizes | odds))
-            varied = decide(there)
+            there = with_priors(posterior, replace(priors, **sizes | odds))
+            varied = decide_cause(there)
             if all(getattr(varied, part) == getattr(usual, part) for part in TOLD):
                 varied = replace(varied, **{part: getattr(decision, part) for part in TOLD})
             yield key, there, varied
 
 
-def posterior_under(posterior: Posterior, priors: Priors) -> Posterior:
+def with_priors(posterior: Posterior, priors: Priors) -> Posterior:
     """The posterior under other priors; likely explanations are solved anew, about the same settings."""
     race, usual, scores = posterior.race, posterior.race.priors, []
     for hypothesis, fit in race.fits.items():
         now, change = fit.evidence.solution, prior(race, hypothesis, priors) / prior(race, hypothesis, usual)
-        scores.append(score(fit) + log(change))
+        scores.append(log_weight_of(fit) + log(change))
         names = (SCALES.get(name.partition(" ")[0], "near") for name in now.rows.scales.names)
         wider = np.array([getattr(priors, name) / getattr(usual, name) for name in names])
         shift = np.zeros(fit.v.size)
@@ -203,10 +203,10 @@ def posterior_under(posterior: Posterior, priors: Priors) -> Posterior:
         if posterior.probability[hypothesis] > 0.1 * KEEP and (np.any(shift) or np.any(wider != 1.0)):
             sizes = {name: wider * getattr(now.rows.scales, name) for name in ("cauchy", "normal")}
             sizes["doubt"] = now.rows.scales.doubt.copy()
-            sizes["doubt"][now.rows.blocks :] = scatter_of(race.prepared, priors.doubt)[1].doubt
+            sizes["doubt"][now.rows.blocks :] = row_scatter(race.prepared, priors.doubt)[1].doubt
             y = now.rows.y - now.rows.columns[:, : fit.v.size] @ shift
             rows = replace(now.rows, y=y, scales=replace(now.rows.scales, **sizes))
-            then, before = (with_best_scales(each, now.u, STEPS) for each in (rows, now.rows))
+            then, before = (optimise_scales(each, now.u, STEPS) for each in (rows, now.rows))
             scores[-1] += then.log_evidence - before.log_evidence
     share = np.exp(np.array(scores) - np.logaddexp.reduce(scores))
     return Posterior(race, dict(zip(race.fits, map(float, share), strict=True)))

@@ -26,9 +26,9 @@ import scipy
 
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.decision import Decision, fit_of
-from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of, to_axis
-from taichi_erosion.evidence.race.fit import Fit, Race, from_axis
+from taichi_erosion.evidence.race.decision import Decision, fit_of_decision
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of_fit, to_axis
+from taichi_erosion.evidence.race.fit import Fit, Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, PRIORS, SEED
 from taichi_erosion.mechanisms.dose_forms import POWERS, Form, forms_of
@@ -60,15 +60,15 @@ class LawRows:
     gain: Floats  # G (n, n)
     variance: Floats  # 1 + B B^T
 
-    def linear(self, w: Floats) -> Floats:
+    def linearise(self, w: Floats) -> Floats:
         """Residual at v = 0 and minus slopes along v (n, 1 + p), at doses of all rows."""
         slopes = self.gain @ (along(self.curve, w) + self.offset)
         slopes[:, 0] = self.y - slopes[:, 0]
         return slopes
 
-    def fold_densities(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
+    def held_out_fold_density(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
         """Ln density of rows outside given those inside, and their misfit."""
-        linear, densities = self.linear(w), []
+        linear, densities = self.linearise(w), []
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
         for k in (inside | outside, inside):
             root = scipy.linalg.cholesky(variance[np.ix_(k, k)], lower=True)
@@ -89,19 +89,19 @@ class FittedForm:
     covariance: Floats  # of the numbers
 
     @cached_property
-    def root(self) -> Floats:
+    def whitener(self) -> Floats:
         """Inverse root of the variance of the rows."""
         variance = self.rows.variance[np.ix_(self.selection, self.selection)]
         return np.linalg.inv(scipy.linalg.cholesky(variance, lower=True))
 
     @property
-    def price(self) -> float:
+    def complexity_penalty(self) -> float:
         """Ln score by which the form must be better than one without numbers."""
         rare = self.form.name not in POWERS
         return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(PRIORS.step) * rare
 
     @property
-    def ends(self) -> tuple[Floats, Floats]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Range of the numbers."""
         return np.array([-np.inf, *self.form.low]), np.array([np.inf, *self.form.high])
 
@@ -109,83 +109,83 @@ class FittedForm:
         """Doses of all rows, on their axis, by default for the best numbers."""
         return to_axis(self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers))
 
-    def best_linear(self, numbers: Floats) -> tuple[Floats, Floats]:
+    def best_numbers(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
-        white = self.root @ self.rows.linear(self.doses(numbers))[self.selection]
+        white = self.whitener @ self.rows.linearise(self.doses(numbers))[self.selection]
         r, slopes = white[:, 0], white[:, 1:]
         v = scipy.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
         return v, np.concatenate([r - slopes @ v, v])
 
-    def optimise(self, starts: Sequence[Floats]) -> "FittedForm":
+    def fit_numbers(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
-        ends, enough = self.ends, 1e-5  # relative change of misfit and numbers, far below their errors
+        ends, enough = self.bounds, 1e-5  # relative change of misfit and numbers, far below their errors
         fit = partial(
-            scipy.optimize.least_squares, lambda a: self.best_linear(a)[1], bounds=ends, x_scale="jac"
+            scipy.optimize.least_squares, lambda a: self.best_numbers(a)[1], bounds=ends, x_scale="jac"
         )
         fits = [fit(start.clip(*ends), ftol=enough, xtol=enough) for start in starts]
         best = min(fits, key=lambda each: each.cost)
         covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
         return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
 
-    def to(self, rows: LawRows, chosen: Bools) -> "FittedForm":
+    def refit_to_rows(self, rows: LawRows, chosen: Bools) -> "FittedForm":
         """The form fitted to other rows."""
-        return replace(self, rows=rows, selection=chosen).optimise([self.numbers])
+        return replace(self, rows=rows, selection=chosen).fit_numbers([self.numbers])
 
-    def draws(self) -> Floats:
+    def draw_numbers(self) -> Floats:
         """Draws (m, k) of the numbers within their range."""
         excess = max(1.0, self.misfit / (self.rows.y.size - self.numbers.size))
         random = np.random.default_rng(SEED)
-        return random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS).clip(*self.ends)
+        return random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS).clip(*self.bounds)
 
 
 Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left out that it explains
 
 
-def law_of_decision(posterior: Posterior, decision: Decision) -> Law | None:
+def dose_law_of_decision(posterior: Posterior, decision: Decision) -> Law | None:
     """The law of the doses of a mechanism that is told; None without one, or where the budget is spent."""
     if not decision.acting_mechanisms:
         return None
     try:
-        return law_of(posterior.race, fit_of(posterior, decision))
+        return dose_law_of_fit(posterior.race, fit_of_decision(posterior, decision))
     except BudgetSpentError:
         return None
 
 
-def law_of(race: Race, fit: Fit) -> Law | None:
+def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
     """The law of the mechanism of a fit; None without one or with two, or with few rows.
 
     Raises BudgetSpentError.
     """
-    if fit.dose is None or len(fit.doses) > 1 or fit.mean.size < FOLDS:
+    if fit.dose is None or len(fit.row_doses_of) > 1 or fit.mean.size < FOLDS:
         return None
-    dosing = dosing_of(race, fit, fit.dose.factor)
-    curve = tabulate(dosing, fit.v, fit.dose.w)
+    dosing = dosing_of_fit(race, fit, fit.dose.factor)
+    curve = tabulate_model_over_dose(dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
-    rows = rows_about(race, fit, curve, place)
-    first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
-    first.sort(key=lambda each: 0.5 * each.misfit + each.price)
-    settled = [settled_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
-    low, high = dosing.ends + np.array([[-STILL], [STILL]])
+    rows = law_rows_about_fit(race, fit, curve, place)
+    first = [fit_form_to_all_rows(rows, form, place.w) for form in forms_of(rows.conditions)]
+    first.sort(key=lambda each: 0.5 * each.misfit + each.complexity_penalty)
+    settled = [converge_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
+    low, high = dosing.dose_range_on_axis + np.array([[-STILL], [STILL]])
     settled = [each for each in settled if np.all((low < each.doses()) & (each.doses() < high))]
     if not settled:
         return None
-    scores, misfits = np.array([cross_validation(each.rows, each) for each in settled]).T
-    best = int(np.argmax(scores - [each.price for each in settled]))
-    nothing = cross_validation(rows)[1]
+    scores, misfits = np.array([cross_validation_density(each.rows, each) for each in settled]).T
+    best = int(np.argmax(scores - [each.complexity_penalty for each in settled]))
+    nothing = cross_validation_density(rows)[1]
     return "+".join(fit.hypothesis.extra), settled[best], float(1.0 - misfits[best] / nothing)
 
 
-def tabulate(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
+def tabulate_model_over_dose(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
-    low, top = dosing.ends[:, 0]
+    low, top = dosing.dose_range_on_axis[:, 0]
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
     near = np.linspace(ends[1], ends[-2], NODES)
     nodes = np.unique(np.concatenate([ends, np.linspace(low, top, NODES), near]).round(2))
-    table = np.array([dosing.at(v, np.full(w.size, node))[1] for node in nodes])
+    table = np.array([dosing.clip_doses_and_predict(v, np.full(w.size, node))[1] for node in nodes])
     good = np.all(np.isfinite(table), axis=1)
     nodes, table = nodes[good], table[good]
     ends = ends[np.isin(ends, nodes)]
-    bent = [dosing.slopes(v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
+    bent = [dosing.number_slopes(v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
     bent = scipy.interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
     both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
     return scipy.interpolate.PchipInterpolator(nodes, both, axis=0)
@@ -200,7 +200,7 @@ def along(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     return ((a * t + b) * t + c) * t + d
 
 
-def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Place) -> LawRows:
+def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Place) -> LawRows:
     """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit.
 
     Rows of one group share a fold; of one set of conditions, where groups are few.
@@ -210,44 +210,44 @@ def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Pl
     if np.unique(labels).size < FOLDS // 2:
         labels = np.array([repr(each) for each in zip(*p.rows.conditions.values(), strict=True)])
     folds = np.unique(labels, return_inverse=True)[1] % FOLDS
-    work, root = p.working(place.mean), np.sqrt(now.row_share)
+    work, root = p.working(place.mean), np.sqrt(now.inverse_variance_of_rows)
     shared = now.rows.block != len(fit.blocks) - 1
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
-    gain = (root * work.weight)[:, np.newaxis] * p.white(np.eye(root.size))
+    gain = (root * work.weight)[:, np.newaxis] * p.whiten(np.eye(root.size))
     offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - along(curve, place.w)
     y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
     return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 
 
-def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
+def fit_form_to_all_rows(rows: LawRows, form: Form, w: Floats) -> FittedForm:
     """A form fitted to all rows, from the numbers nearest to some doses."""
-    dose, starts = from_axis(w), []
+    dose, starts = axis_to_dose(w), []
     for rest in form.starts:
         shape = form.dose(rows.conditions, np.array([1.0, *rest]))
         starts.append(np.array([float(shape @ dose / (shape @ shape or 1.0)), *rest]))  # 0 where it vanishes
     everything, size = np.ones(w.size, dtype=np.bool_), starts[0].size
-    return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).optimise(starts)
+    return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fit_numbers(starts)
 
 
-def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
+def converge_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
     """The form with rows made anew about its own numbers and doses, until they stay."""
     for _ in range(ROUNDS):
-        v, _ = each.best_linear(each.numbers)
-        w, mean = dosing.at(v, each.doses())
+        v, _ = each.best_numbers(each.numbers)
+        w, mean = dosing.clip_doses_and_predict(v, each.doses())
         move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
-        place = Place(v, w, mean, dosing.slopes(v, w, mean))
-        each = each.to(rows_about(race, fit, each.rows.curve, place), each.selection)
+        place = Place(v, w, mean, dosing.number_slopes(v, w, mean))
+        each = each.refit_to_rows(law_rows_about_fit(race, fit, each.rows.curve, place), each.selection)
     return each
 
 
-def cross_validation(rows: LawRows, fit: FittedForm | None = None) -> Floats:
+def cross_validation_density(rows: LawRows, fit: FittedForm | None = None) -> Floats:
     """Ln density of every fold given the others with a form fitted to these, and its misfit, summed."""
     errors = np.zeros(2)
     for fold in np.unique(rows.folds):
         outside = rows.folds == fold
-        w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
-        errors += rows.fold_densities(w, ~outside, outside)
+        w = np.zeros(outside.size) if fit is None else fit.refit_to_rows(rows, ~outside).doses()
+        errors += rows.held_out_fold_density(w, ~outside, outside)
     return errors

@@ -18,8 +18,8 @@ from math import exp, log
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import REACH, Candidate, Conditions, Floats, Integers, Progress
-from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
-from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
+from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_at
+from taichi_erosion.evidence.models.predictor import Predictor, mean_over_finite_seeds
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.priors import PRIORS, Priors
@@ -28,10 +28,10 @@ Acting = tuple[str, ...]
 EDGE = 0.02  # least share of a range that its start is taken to be away from an end
 
 
-def position(axis: Axis, v: float, priors: Priors) -> float:
+def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
     """Calibrated number on its own axis."""
-    if effect_of(axis.name) is not None:
-        return strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
+    if effect_at(axis.name) is not None:
+        return bounded_strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
     if not np.isfinite(axis.high - axis.low):
         return float(np.clip(v, axis.low, axis.high))
     width = axis.high - axis.low
@@ -40,7 +40,7 @@ def position(axis: Axis, v: float, priors: Priors) -> float:
     return axis.low + width / (1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60)))
 
 
-def strength(candidate: Candidate, v: float, largest: float, priors: Priors) -> float:
+def bounded_strength(candidate: Candidate, v: float, largest: float, priors: Priors) -> float:
     """Strength of an effect."""
     typical = min(priors.typical * candidate.prior_scale, candidate.maximum)
     return float(-largest * np.expm1(-typical * np.exp(np.clip(priors.spread * v, -30.0, 10.0)) / largest))
@@ -61,83 +61,83 @@ class RaceModel:
     def __post_init__(self) -> None:
         p = self.prepared
         self.candidates = {each.name: each for each in p.problem.candidates}
-        self.count = len(p.axes)
+        self.count = len(p.parameter_axes)
         names = {each.name for each in p.problem.mechanisms} - self.candidates.keys()
         wider = (*p.predictor.candidates, *(Candidate(name) for name in sorted(names)))
         self.predictor: Predictor = replace(p.predictor, candidates=wider)
-        self.noisy = p.noisy
+        self.noisy = p.has_seed_noise
         # an emulator knows nothing beyond the strengths of its list
         self.reach = REACH if p.problem.uncertainty is None else 1.0
         if self.noisy:
             start = np.zeros(self.count)
-            many, few = (self.values((), start, seeds) for seeds in (p.seeds.scoring, p.seeds.fitting))
+            many, few = (self.mean_over((), start, seeds) for seeds in (p.seeds.scoring, p.seeds.fitting))
             self.shift = np.nan_to_num(many - few)
 
-    def largest(self, name: str) -> float:
+    def largest_strength(self, name: str) -> float:
         """Largest strength of an effect."""
         return self.reach * self.candidates[name].maximum
 
-    def numbers(self, v: Floats) -> Floats:
+    def axis_numbers(self, v: Floats) -> Floats:
         """Calibrated numbers on their axes."""
-        pairs = zip(self.prepared.axes, v, strict=True)
-        return np.array([position(axis, float(z), self.priors) for axis, z in pairs])
+        pairs = zip(self.prepared.parameter_axes, v, strict=True)
+        return np.array([parameter_axis_position(axis, float(z), self.priors) for axis, z in pairs])
 
-    def unit_values(self, v: Floats) -> Floats:
+    def in_units(self, v: Floats) -> Floats:
         """Calibrated numbers in their units."""
-        pairs = zip(self.prepared.axes, self.numbers(v), strict=True)
+        pairs = zip(self.prepared.parameter_axes, self.axis_numbers(v), strict=True)
         return np.array([axis_value(axis, float(x)) for axis, x in pairs])
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
-        return strength(self.candidates[name], t, self.largest(name), self.priors)
+        return bounded_strength(self.candidates[name], t, self.largest_strength(name), self.priors)
 
     def strengths(self, names: Acting, v: Floats) -> dict[str, float]:
         """Strengths of the acting effects."""
         return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
 
-    def values(self, names: Acting, v: Floats, seeds: Integers) -> Floats:
+    def mean_over(self, names: Acting, v: Floats, seeds: Integers) -> Floats:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
-        x, acting = self.numbers(v[: self.count]), self.strengths(names, v)
+        x, acting = self.axis_numbers(v[: self.count]), self.strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.past_settings:
-            self.spend()
+            self.spend_one_setting()
             self.past_settings.add(key)
-        return seed_mean(self.predictor.predict(x, acting, seeds))
+        return mean_over_finite_seeds(self.predictor.predict_on_scale(x, acting, seeds))
 
-    def spend(self) -> None:
+    def spend_one_setting(self) -> None:
         """Count one setting. Raises BudgetSpentError."""
         if self.settings >= self.most_settings:
             raise BudgetSpentError(f"the {self.most_settings:g} settings of an answer are used up")
         self.settings += 1
         self.progress(f"{self.settings} settings of the model", self.settings / self.most_settings)
 
-    def mean(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
+    def predict_mean(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Mean (n,) as many seeds would have it; each row with its own doses, at the cost of one setting."""
         seeds = self.prepared.seeds.fitting
         if not doses:
-            return self.values(names, v, seeds) + self.shift
-        self.spend()
-        x, acting, p = self.numbers(v[: self.count]), self.strengths(names, v), self.predictor
+            return self.mean_over(names, v, seeds) + self.shift
+        self.spend_one_setting()
+        x, acting, p = self.axis_numbers(v[: self.count]), self.strengths(names, v), self.predictor
         if self.prepared.problem.dosed_by_row:
-            return seed_mean(p.compute(x, acting, seeds, doses)) + self.shift
+            return mean_over_finite_seeds(p.predict_without_cache(x, acting, seeds, doses)) + self.shift
         total, table = np.zeros(p.which.size), np.array(list(doses.values()))
         for dose in np.unique(table, axis=1).T:
             rows = np.flatnonzero(np.all(table.T == dose, axis=1))
-            predictor = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
+            predictor = p.at_rows(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
             there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
-            total[rows] = seed_mean(predictor.compute(x, acting | there, seeds))
+            total[rows] = mean_over_finite_seeds(predictor.predict_without_cache(x, acting | there, seeds))
         return total + self.shift
 
-    def sure_mean(self, names: Acting, v: Floats) -> Floats:
+    def precise_mean(self, names: Acting, v: Floats) -> Floats:
         """Mean (n,) over many seeds."""
         if not self.noisy:
-            return self.mean(names, v)
-        return self.values(names, v, self.prepared.seeds.scoring)
+            return self.predict_mean(names, v)
+        return self.mean_over(names, v, self.prepared.seeds.scoring)
 
     def errors(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
-        errors = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)
+        errors = p.model_errors(self.axis_numbers(v[: self.count]), self.strengths(names, v), doses)
         return np.hstack([p.rows.shared, errors])
 
     def jacobian(self, names: Acting, v: Floats, mean: Floats, doses: Conditions | None = None) -> Floats:
@@ -148,7 +148,7 @@ class RaceModel:
             for sign in (-1.0 if v[j] > 0.0 else 1.0, 1.0 if v[j] > 0.0 else -1.0):
                 h = np.zeros(v.size)
                 h[j] = sign * step
-                slope = (self.mean(names, v + h, doses) - mean) / h[j]
+                slope = (self.predict_mean(names, v + h, doses) - mean) / h[j]
                 if np.all(np.isfinite(slope)):
                     break
             columns[:, j] = np.nan_to_num(slope)

@@ -33,7 +33,7 @@ MOST_STEPS, TRIES, FIRMER = 8, 8, 4.0  # of a fit, of one of its steps, and the 
 GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are updated
 
 
-def from_axis(w: Floats) -> Floats:
+def axis_to_dose(w: Floats) -> Floats:
     """Doses of places on that axis."""
     return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
 
@@ -51,9 +51,9 @@ class Hypothesis:
         """What acts: effects, mechanisms, something unlisted."""
         return frozenset((*self.names, *self.extra))
 
-    def doses(self, w: Floats) -> Conditions:
+    def doses_of(self, w: Floats) -> Conditions:
         """Doses of every mechanism, from those of all on their axis."""
-        return dict(zip(self.extra, from_axis(w).reshape(len(self.extra), -1), strict=True))
+        return dict(zip(self.extra, axis_to_dose(w).reshape(len(self.extra), -1), strict=True))
 
 
 @dataclass(frozen=True)
@@ -101,12 +101,12 @@ class Fit(Expansion):
         return self.evidence.log_evidence
 
     @property
-    def target(self) -> Floats:
+    def linear_target(self) -> Floats:
         """Best setting of the linear model."""
         return self.evidence.solution.centre[: self.v.size]
 
     @property
-    def covariance(self) -> Floats:
+    def setting_covariance(self) -> Floats:
         """Covariance (d, d) of numbers and strengths."""
         return self.evidence.solution.inverse[: self.v.size, : self.v.size]
 
@@ -116,9 +116,9 @@ class Fit(Expansion):
         return np.zeros(self.mean.size) if self.dose is None else self.dose.w
 
     @property
-    def doses(self) -> Conditions:
+    def row_doses_of(self) -> Conditions:
         """Doses in every row, by mechanism."""
-        return {} if self.dose is None else self.hypothesis.doses(self.dose.w)
+        return {} if self.dose is None else self.hypothesis.doses_of(self.dose.w)
 
     @property
     def scales(self) -> Floats:
@@ -126,12 +126,12 @@ class Fit(Expansion):
         return self.evidence.solution.u
 
 
-def score(fit: Fit) -> float:
+def log_weight_of(fit: Fit) -> float:
     """Ln of prior times evidence."""
     return fit.log_evidence + fit.log_prior
 
 
-def scatter_of(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scales]:
+def row_scatter(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scales]:
     """Scatter of every row by number, -1 for censored ones, and its prior.
 
     Preparations differ by about half of the scatter of repeats: means of n by (1 + n / 4)^1/2 more.
@@ -157,39 +157,39 @@ class Race:
     out_of_budget: bool = False  # at the budget of settings
 
     def __post_init__(self) -> None:
-        rows, sd, self.priors = self.prepared.rows, self.prepared.sd, self.model.priors
+        rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(nuisance(rows, finite, sd, self.priors))
         large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
-        self.scatter, self.scatter_scales = scatter_of(self.prepared, self.priors.doubt)
+        self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""
         p = self.prepared
-        work, columns = p.working(at.mean), p.white(np.hstack([at.jacobian, at.errors]))
+        work, columns = p.working(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
         numbers = at.jacobian[:, : self.model.count]
-        white = [p.white(columns_of(block, numbers)) for block in at.blocks]
+        white = [p.whiten(columns_of(block, numbers)) for block in at.blocks]
         shared = np.hstack([fixed, *white])
         shared[p.rows.censored] = 0.0
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
-        dosed = 0.0 if at.dose is None else p.white(at.dose.change(at.dose.w, at.mean.size))
+        dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         linear = jacobian @ at.v + dosed
         scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
         y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
         rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
-        return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.deviance
+        return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
 
     def fit_at_scales(
         self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False
     ) -> Fit:
         """The evidence of an expansion; scales from `start`, with `fresh` from priors and large ones too."""
         rows, extra = self.linear(at)
-        starts = [rows.scales.start if start is None else start]
+        starts = [rows.scales.initial if start is None else start]
         if fresh:  # a large scatter is an optimum too, where rows share their errors
             shared = np.isin(rows.scales.names, ("source", "preparation", "group"))
-            starts += [rows.scales.start + size * shared for size in (0.0, 3.0)]
+            starts += [rows.scales.initial + size * shared for size in (0.0, 3.0)]
         solution = max((evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**settings, evidence=replace(solution, log_evidence=solution.log_evidence + extra))
@@ -200,10 +200,10 @@ class Race:
         shared = np.arange(now.tau.size) >= fit.v.size
         if fit.dose is not None:
             shared &= now.rows.block != len(fit.blocks) - 1
-        residual, share = now.rows.columns[:, shared] * now.tau[shared], now.row_share
+        residual, share = now.rows.columns[:, shared] * now.tau[shared], now.inverse_variance_of_rows
         matrix = residual.T @ (share[:, None] * residual) + np.eye(residual.shape[1])
         vector = residual.T @ (share * work.residual)
-        limits = work.deviance - float(np.sum(work.residual**2))
+        limits = work.censored_deviance - float(np.sum(work.residual**2))
         return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
     def gauss_newton(self, fit: Fit, most: int, steps: int = 6) -> Fit:
@@ -213,7 +213,7 @@ class Race:
         """
         damping, fresh = 0.0, False
         for _ in range(most):
-            step = self.step_of(fit, damping)
+            step = self.newton_step(fit, damping)
             if step is None and fresh:
                 break
             if step is None:
@@ -231,21 +231,21 @@ class Race:
                 break
         return fit
 
-    def step_of(self, fit: Fit, damping: float) -> tuple[Floats, Floats, float, float, float] | None:
+    def newton_step(self, fit: Fit, damping: float) -> tuple[Floats, Floats, float, float, float] | None:
         """Setting, mean, damping, gain and gain over what slopes promise, of a step; None where it is none.
 
         (H + damping diag H) step = H (target - v), H the precision of the numbers.
         """
-        precision = np.linalg.inv(fit.covariance + 1e-6 * np.eye(fit.v.size))
-        pull = precision @ (fit.target - fit.v)
-        if (fit.target - fit.v) @ pull < STILL:
+        precision = np.linalg.inv(fit.setting_covariance + 1e-6 * np.eye(fit.v.size))
+        pull = precision @ (fit.linear_target - fit.v)
+        if (fit.linear_target - fit.v) @ pull < STILL:
             return None
         before, slack = self.misfit(fit, fit.mean, fit.v), SLACK * self.model.noisy
         for _ in range(TRIES):
             matrix = precision + damping * np.diag(np.diag(precision))
             step = np.clip(np.linalg.solve(matrix, pull), -FAR, FAR)
             v, expected = fit.v + step, float(2.0 * step @ pull - step @ precision @ step)
-            mean = self.model.mean(fit.hypothesis.names, v)
+            mean = self.model.predict_mean(fit.hypothesis.names, v)
             if np.all(np.isfinite(mean)):
                 gain = before - self.misfit(fit, mean, v)
                 if gain > 0.1 * expected - slack:
@@ -261,29 +261,29 @@ class Race:
         jacobian = self.model.jacobian(names, fit.v, fit.mean)
         return replace(fit, jacobian=jacobian, errors=self.model.errors(names, fit.v))
 
-    def optimise(self, fit: Fit) -> Fit:
+    def optimise_setting(self, fit: Fit) -> Fit:
         """The best setting, first with the scales at their priors: no level takes what an effect explains.
 
         It starts where the misfit is less, here or at the prior of the numbers: elsewhere they may have taken
         what is missing.
         """
         start = np.zeros(fit.v.size)
-        anew = replace(fit, v=start, mean=self.model.mean(fit.hypothesis.names, start))
+        anew = replace(fit, v=start, mean=self.model.predict_mean(fit.hypothesis.names, start))
         fits = [self.fit_at_scales(each, 0) for each in (fit, anew) if np.all(np.isfinite(each.mean))]
         fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
         fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), 0), MOST_STEPS, 0)
         fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
-        return self.store(replace(fit, is_optimum=True))
+        return self.store_fit(replace(fit, is_optimum=True))
 
     def polish(self, fit: Fit) -> Fit:
         """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
         fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
         last = self.with_slopes(fit)
         if self.model.noisy:
-            last = replace(last, mean=self.model.sure_mean(fit.hypothesis.names, fit.v))
-        return self.store(self.fit_at_scales(last, start=fit.scales))
+            last = replace(last, mean=self.model.precise_mean(fit.hypothesis.names, fit.v))
+        return self.store_fit(self.fit_at_scales(last, start=fit.scales))
 
-    def store(self, fit: Fit) -> Fit:
+    def store_fit(self, fit: Fit) -> Fit:
         """The fit, which replaces an earlier one of its hypothesis."""
         old = self.fits.get(fit.hypothesis)
         if old is None or fit.is_optimum >= old.is_optimum:
@@ -295,11 +295,11 @@ class Race:
         """Nothing is missing."""
         return self.fits[Hypothesis(())]
 
-    def sets(self, *sizes: int) -> list[Fit]:
+    def effect_sets(self, *sizes: int) -> list[Fit]:
         """Plain sets of so many effects, by default of any number."""
         return [f for h, f in self.fits.items() if not h.extra and (not sizes or len(h.names) in sizes)]
 
-    def fit_bare(self, log_prior: float) -> Fit:
+    def fit_bare_model(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
 
         Where the fit is poor it is tried from the best of some draws of the numbers too, wider than their
@@ -307,33 +307,33 @@ class Race:
         """
         start = self.bare_expansion(np.zeros(self.model.count), log_prior)
         first = self.fit_at_scales(start, 0)
-        optimum = self.optimum(first)
+        optimum = self.optimise_from_start(first)
         if first.v.size and self.misfit(first, optimum.mean, optimum.v) > POOR * optimum.mean.size:
             draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
-            size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
+            size = [self.misfit(first, self.model.predict_mean((), v), v) for v in draws]
             best = draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
             alternative = self.fit_at_scales(self.bare_expansion(best, log_prior), 0)
-            optimum = self.best_of(optimum, self.optimum(alternative))
+            optimum = self.best_of(optimum, self.optimise_from_start(alternative))
         free = self.fit_at_scales(start, 20)
         if free.log_evidence > optimum.log_evidence:
             optimum = self.best_of(optimum, self.polish(replace(self.gauss_newton(free, 6), is_optimum=True)))
         return optimum
 
-    def optimum(self, start: Fit) -> Fit:
+    def optimise_from_start(self, start: Fit) -> Fit:
         """The best setting from a start, with slopes there."""
-        return self.polish(self.optimise(self.gauss_newton(start, 3, 0)))
+        return self.polish(self.optimise_setting(self.gauss_newton(start, 3, 0)))
 
     def best_of(self, some: Fit, other: Fit) -> Fit:
         """The likelier of two fits of one hypothesis."""
-        return self.store(max(some, other, key=lambda each: each.log_evidence))
+        return self.store_fit(max(some, other, key=lambda each: each.log_evidence))
 
     def bare_expansion(self, v: Floats, log_prior: float) -> Expansion:
         """Nothing is missing, about a setting."""
-        mean = self.model.mean((), v)
+        mean = self.model.predict_mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
 
-    def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
+    def add_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.
 
         None where the model has no value with it, or no other one than without it.
@@ -342,7 +342,7 @@ class Race:
         at = self.model.count + names.index(name)
         for t in (0.0, -1.0, -2.0, -4.0):
             v = np.insert(parent.v, at, t)
-            mean = self.model.mean(names, v, parent.doses)
+            mean = self.model.predict_mean(names, v, parent.row_doses_of)
             if np.all(np.isfinite(mean)):
                 break
         else:
@@ -353,24 +353,24 @@ class Race:
         start = replace(parent.hypothesis, names=names), v, mean, jacobian, parent.errors, parent.blocks
         return self.fit_at_scales(Expansion(*start, log_prior, dose=parent.dose), 5)
 
-    def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
+    def fit_without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
         """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
         names = tuple(each for each in parent.hypothesis.names if each != name)
         at, hypothesis = self.model.count + parent.hypothesis.names.index(name), Hypothesis(names)
         v, jacobian = np.delete(parent.v, at), np.delete(parent.jacobian, at, axis=1)
-        mean = self.model.mean(names, v)
+        mean = self.model.predict_mean(names, v)
         start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
         fit_known = self.fits.get(hypothesis)
-        fit = self.optimise(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else fit_known
+        fit = self.optimise_setting(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else fit_known
         return self.best_of(fit or parent, fit_known or fit or parent)
 
-    def posterior(self) -> dict[Hypothesis, float]:
+    def posterior_probabilities(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""
-        scores = np.array([*map(score, self.fits.values())])
+        scores = np.array([*map(log_weight_of, self.fits.values())])
         return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 
     def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
         """Fits of at least some probability, best first."""
-        share = self.posterior()
+        share = self.posterior_probabilities()
         fits = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
         return sorted(fits, key=lambda fit: -share[fit.hypothesis])

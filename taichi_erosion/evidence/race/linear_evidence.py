@@ -43,11 +43,11 @@ class Scales:
         return Scales((), np.zeros(0), np.zeros(0), np.zeros(0))
 
     @cached_property
-    def start(self) -> Floats:
+    def initial(self) -> Floats:
         """Scales at their priors, where every search begins."""
         return np.log(np.where(np.isfinite(self.doubt), 1.0, np.fmax(self.cauchy, self.normal)))
 
-    def log_prior(self, u: Floats) -> tuple[float, Floats, Floats]:
+    def log_prior_of_scales(self, u: Floats) -> tuple[float, Floats, Floats]:
         """Ln density of u, its slope and minus its curvature."""
         with np.errstate(invalid="ignore", divide="ignore"):
             far, wide, off = u - np.log(self.cauchy), u - np.log(self.normal), u / self.doubt
@@ -87,21 +87,21 @@ class LinearRows:
 
     @cached_property
     def blocks(self) -> int:
-        return len(self.scales.names) - self.scatters
+        return len(self.scales.names) - self.count_scatters
 
     @cached_property
-    def scatters(self) -> int:
+    def count_scatters(self) -> int:
         return int(np.sum(np.isfinite(self.scales.doubt)))
 
     @cached_property
-    def owner(self) -> Floats:
+    def block_membership(self) -> Floats:
         """Columns (q, blocks) that belong to each block, as 0 and 1."""
         return (self.block[:, np.newaxis] == np.arange(self.blocks)).astype(np.float64)
 
     @cached_property
-    def products(self) -> tuple[Floats, Floats, Floats, Floats]:
+    def normal_equation_products(self) -> tuple[Floats, Floats, Floats, Floats]:
         """X^T w X, X^T w y, y^T w y and numbers of rows, for each scatter and, last, for rows without one."""
-        parts = [self.scatter == k for k in (*range(self.scatters), -1)]
+        parts = [self.scatter == k for k in (*range(self.count_scatters), -1)]
         each = [(self.columns[rows], self.y[rows], self.weight[rows]) for rows in parts]
         return (
             np.array([(x * w[:, np.newaxis]).T @ x for x, _, w in each]),
@@ -110,17 +110,17 @@ class LinearRows:
             np.array([float(w.size) for _, _, w in each]),
         )
 
-    def with_bad(self, bad: frozenset[int]) -> "LinearRows":
+    def downweight_bad_rows(self, bad: frozenset[int]) -> "LinearRows":
         """The same with BAD_SD times the error in some rows."""
         weight = self.weight.copy()
         weight[list(bad)] /= BAD_SD**2
         return replace(self, weight=weight)
 
-    def posterior_at(self, u: Floats) -> "LinearPosterior":
+    def at_scales(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
         tau = np.exp(np.append(u, 0.0)[self.block])
         share = np.append(np.exp(-2.0 * u[self.blocks :]), 1.0)
-        squares, projections, energy, counts = self.products
+        squares, projections, energy, counts = self.normal_equation_products
         each = squares * (share[:, None, None] * np.outer(tau, tau))
         matrix = each.sum(axis=0)
         matrix[np.diag_indices(tau.size)] += 1.0
@@ -150,20 +150,20 @@ class LinearPosterior:
         """Scales of these names here; at their priors where there is none."""
         scales_by_name = dict(zip(self.rows.scales.names, self.u, strict=True))
         return np.array(
-            [scales_by_name.get(name, u) for name, u in zip(others.names, others.start, strict=True)]
+            [scales_by_name.get(name, u) for name, u in zip(others.names, others.initial, strict=True)]
         )
 
     @property
     def value(self) -> float:
         """Ln of likelihood times prior of the scales."""
-        return self.log_likelihood + self.rows.scales.log_prior(self.u)[0]
+        return self.log_likelihood + self.rows.scales.log_prior_of_scales(self.u)[0]
 
-    def derivatives(self) -> tuple[Floats, Floats]:
+    def gradient_and_curvature(self) -> tuple[Floats, Floats]:
         """Slopes of `value` along u, and minus its expected curvature."""
-        rows, inverse, owner = self.rows, self.inverse, self.rows.owner
-        count, k = rows.blocks, rows.scatters
-        squares, projections, energy, counts = rows.products
-        _, slope, bend = rows.scales.log_prior(self.u)
+        rows, inverse, owner = self.rows, self.inverse, self.rows.block_membership
+        count, k = rows.blocks, rows.count_scatters
+        squares, projections, energy, counts = rows.normal_equation_products
+        _, slope, bend = rows.scales.log_prior_of_scales(self.u)
         gradient, curvature = slope.copy(), np.zeros((self.u.size,) * 2)
         gradient[:count] += owner.T @ (self.centre**2 + np.diag(inverse) - 1.0)
         rest = np.eye(inverse.shape[0]) - inverse
@@ -184,39 +184,39 @@ class LinearPosterior:
     @cached_property
     def log_evidence(self) -> float:
         """Ln Z with the scales integrated out, without the constants that all hypotheses share."""
-        _, curvature = self.derivatives()
+        _, curvature = self.gradient_and_curvature()
         return self.value + 0.5 * self.u.size * log(2.0 * pi) - 0.5 * float(np.linalg.slogdet(curvature)[1])
 
     @cached_property
-    def precision(self) -> tuple[Floats, Floats]:
+    def whitened(self) -> tuple[Floats, Floats]:
         """Residual V^-1 y (n,) and the diagonal of V^-1 (n,)."""
-        share = self.row_share
+        share = self.inverse_variance_of_rows
         design = self.rows.columns * self.tau
         residual = share * (self.rows.y - design @ self.centre)
         return residual, share - share**2 * np.einsum("ij,jk,ik->i", design, self.inverse, design)
 
     @property
-    def row_share(self) -> Floats:
+    def inverse_variance_of_rows(self) -> Floats:
         """K, one over the variance of the error of each row alone."""
         share = np.append(np.exp(-2.0 * self.u[self.rows.blocks :]), 1.0)
         return self.rows.weight * share[self.rows.scatter]
 
-    def against(self, columns: Floats) -> tuple[Floats, Floats]:
+    def project(self, columns: Floats) -> tuple[Floats, Floats]:
         """G^T V^-1 y (k,) and G^T V^-1 G (k, k) of other columns G (n, k)."""
-        share = self.row_share[:, np.newaxis] * columns
+        share = self.inverse_variance_of_rows[:, np.newaxis] * columns
         cross = share.T @ (self.rows.columns * self.tau)
-        return columns.T @ self.precision[0], columns.T @ share - cross @ self.inverse @ cross.T
+        return columns.T @ self.whitened[0], columns.T @ share - cross @ self.inverse @ cross.T
 
 
-def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> LinearPosterior:
+def optimise_scales(rows: LinearRows, u: Floats, steps: int) -> LinearPosterior:
     """Scales by at most so many steps of scoring from u, each of which raises the posterior."""
-    now = rows.posterior_at(u)
+    now = rows.at_scales(u)
     for _ in range(steps):
-        gradient, curvature = now.derivatives()
+        gradient, curvature = now.gradient_and_curvature()
         curvature[np.diag_indices(u.size)] += 0.1
         move = np.clip(np.linalg.solve(curvature, gradient), -1.2, 1.2)
         for share in (1.0, 0.35, 0.12, 0.04):
-            then = rows.posterior_at(np.clip(now.u + share * move, -5.0, 8.0))
+            then = rows.at_scales(np.clip(now.u + share * move, -5.0, 8.0))
             if then.value > now.value - 1e-9:
                 break
         else:
@@ -245,9 +245,9 @@ def evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
     bad: frozenset[int] = frozenset()
     most = max(1, rows.y.size // 12)
     while True:
-        now = with_best_scales(rows.with_bad(bad), u, steps)
-        residual, diagonal = now.precision
-        extra = (BAD_SD**2 - 1.0) / now.row_share
+        now = optimise_scales(rows.downweight_bad_rows(bad), u, steps)
+        residual, diagonal = now.whitened
+        extra = (BAD_SD**2 - 1.0) / now.inverse_variance_of_rows
         grown = 1.0 + extra * diagonal
         gain = ODDS - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
         gain[list(bad)] = -np.inf

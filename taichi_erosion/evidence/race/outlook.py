@@ -26,20 +26,20 @@ from taichi_erosion.evidence.data.comparison_rows import (
     ComparisonRows,
     comparison_rows,
     join_rows,
-    shared_errors,
+    shared_error_columns,
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
-from taichi_erosion.evidence.data.transforms import from_scale, slope, working
+from taichi_erosion.evidence.data.transforms import slope, unscale, working
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
-from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted_blocks
-from taichi_erosion.evidence.race.doses import dosing_of
+from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, nuisance, unlisted_blocks
+from taichi_erosion.evidence.race.doses import dosing_of_fit
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
-from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
+from taichi_erosion.evidence.race.posterior import Posterior, draw_scales
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
 from taichi_erosion.evidence.record import HeldOutPart, Interval
 
@@ -58,13 +58,13 @@ class JointRows:
     runs: tuple[Bools, Floats, Floats] | None = None  # where runs answer (m,), their gap (m,), errors (m, q)
 
 
-def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
+def rows_at(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
     """New conditions as rows without a value, each with the scatter of one repeat.
 
     They are of no source. Raises KeyError for an observable without a fitted row.
     """
-    rows, table = prepared.rows, prepared.problem.visible()
-    which, m = rows.index_of(wanted.observable), len(wanted.observable)
+    rows, table = prepared.rows, prepared.problem.visible_rows()
+    which, m = rows.observable_indices(wanted.observable), len(wanted.observable)
     names, counts = np.array(table.observable), np.where(table.n >= 1.0, table.n, 1.0)
     repeats = [
         counts[names == observable.name].sum() / max(int(np.sum(rows.which == k)), 1)
@@ -72,7 +72,7 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
     ]
     noise = [rows.noise[observable.name] for observable in rows.observables]
     variance = np.array([r * each.lab**2 + each.numerical**2 for r, each in zip(repeats, noise, strict=True)])
-    first = rows.rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
+    first = rows.select_rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
     return replace(
         first,
         z=np.full(m, np.nan),
@@ -94,15 +94,15 @@ def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
     problem, fitted = prepared.problem, prepared.rows
     if not problem.vault.rows.size:
         return None
-    rows = comparison_rows(problem, problem.vault_rows())
-    rows = rows.rows(np.isin(rows.names, fitted.names))
-    which = fitted.index_of(rows.names)
+    rows = comparison_rows(problem, problem.measurements_in_vault())
+    rows = rows.select_rows(np.isin(rows.names, fitted.names))
+    which = fitted.observable_indices(rows.names)
     rows = replace(rows, observables=fitted.observables, which=which, noise=fitted.noise)
-    variance = np.where(rows.has_noise, rows.variance, by_observable(fitted, fitted.variance)[which])
+    variance = np.where(rows.has_noise, rows.variance, medians(fitted, fitted.variance)[which])
     return add_correlation(replace(rows, variance=variance), prepared.heaps) if rows.size else None
 
 
-def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
+def medians(rows: ComparisonRows, values: Floats) -> Floats:
     """Median of some values of rows for each observable; 0 where it has no row."""
     indices = [values[rows.which == k] for k in range(len(rows.observables))]
     return np.array([np.median(each) if each.size else 0.0 for each in indices])
@@ -111,26 +111,26 @@ def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
 def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
-    both, seeds = both_rows(p.rows, rows, np.zeros(rows.size)), by_observable(p.rows, p.seed_variance)
-    predictor = p.predictor.over(both.observables, both.which, both.conditions)
+    both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), medians(p.rows, p.seed_variance)
+    predictor = p.predictor.at_rows(both.observables, both.which, both.conditions)
     joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
     model = RaceModel(joint, priors=race.priors)
     return JointRows(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
 
-def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> ComparisonRows:
+def join_to_fitted(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> ComparisonRows:
     """Fitted rows, then the others at their predicted mean, with one shared error for each instrument."""
     steep, size = np.zeros(other.size), np.zeros(other.size)
     for k, observable in enumerate(other.observables):
         column = other.which == k
-        value = from_scale(observable, mean[column])
+        value = unscale(observable, mean[column])
         steep[column] = slope(observable, value)
         size[column] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[column]
     sizes = np.append(np.max(fitted.shared, axis=1, initial=0.0), np.nan_to_num(size))
     other_rows = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
     both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), other_rows])
     places = enumerate(both.observables)
-    columns = [shared_errors(each, sizes * (both.which == k), both.conditions) for k, each in places]
+    columns = [shared_error_columns(each, sizes * (both.which == k), both.conditions) for k, each in places]
     shared = np.hstack(columns)
     return replace(both, shared=shared[:, np.any(shared != 0.0, axis=0)], covariance=None)
 
@@ -149,12 +149,12 @@ class Outlook:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
         return self.start + self.scaled_columns(smooth)[0] @ self.solution.centre
 
-    def covariance(self, smooth: bool = True) -> Floats:
+    def conditional_covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
         factor, alone = self.scaled_columns(smooth)
         return factor @ self.solution.inverse @ factor.T + alone @ alone.T
 
-    def variance(self, smooth: bool = True) -> Floats:
+    def conditional_variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
         factor, alone = self.scaled_columns(smooth)
         return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
@@ -176,7 +176,7 @@ class Forecast:
     mean: Floats  # (k, m), sd of many measurements
     new_value: Floats  # (k, m), sd of one more
 
-    def intervals(self, sd: Floats) -> list[Interval]:
+    def forecast_intervals(self, sd: Floats) -> list[Interval]:
         """Median and 90 % interval of every row in its unit, of `mean` or of `measured`, by bisection."""
         low, high = (self.centre - FARTHEST * sd).min(axis=0), (self.centre + FARTHEST * sd).max(axis=0)
         for _ in range(HALVINGS):
@@ -186,7 +186,7 @@ class Forecast:
         quantiles = []
         for row, k in zip(low.T, self.rows.which, strict=True):
             observable = self.rows.observables[k]
-            ends = from_scale(observable, row)
+            ends = unscale(observable, row)
             low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
             quantiles.append(Interval(float(middle), float(low), float(high)))
         return quantiles
@@ -200,21 +200,21 @@ def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses |
     """Mean (n + m,) and slopes of the model at fitted and other rows, and the doses of a mechanism there."""
     model, names, v, n = place.model, fit.hypothesis.names, fit.v, fit.mean.size
     if fit.dose is None:
-        return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
+        return model.precise_mean(names, v), model.jacobian(names, v, model.predict_mean(names, v)), None
     both = model.prepared.rows
-    kernels = dose_columns(both, np.arange(both.size) < n)
-    dosing = dosing_of(replace(place.race, model=model), fit, kernels[fit.hypothesis.along])
-    mask = np.tile(np.arange(both.size) < n, len(fit.doses))
-    w = dosing.root @ np.linalg.lstsq(dosing.root[mask], fit.dose.w, rcond=None)[0]
+    kernels = dose_factors(both, np.arange(both.size) < n)
+    dosing = dosing_of_fit(replace(place.race, model=model), fit, kernels[fit.hypothesis.along])
+    mask = np.tile(np.arange(both.size) < n, len(fit.row_doses_of))
+    w = dosing.factors @ np.linalg.lstsq(dosing.factors[mask], fit.dose.w, rcond=None)[0]
     w[mask] = fit.dose.w
-    w, mean = dosing.at(v, w)
-    return mean, dosing.slopes(v, w, mean), Doses(w, dosing.slope(v, w, mean), dosing.root)
+    w, mean = dosing.clip_doses_and_predict(v, w)
+    return mean, dosing.number_slopes(v, w, mean), Doses(w, dosing.dose_slope(v, w, mean), dosing.factors)
 
 
-def both_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
+def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
-    mask, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
+    mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
     usual, unknown = nuisance(both, mask, unit, priors), OUTSIDE in fit.hypothesis.extra
     large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
@@ -230,15 +230,15 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     """
     race, n, v, model = place.race, fit.mean.size, fit.v, place.model
     mean, jacobian, doses = joint_expansion(place, fit)
-    both = both_rows(race.prepared.rows, place.rows, mean[n:])
+    both = join_to_fitted(race.prepared.rows, place.rows, mean[n:])
     acting = model.strengths(fit.hypothesis.names, v)
-    varied = doses and fit.hypothesis.doses(doses.w)
-    known_w = np.tile(np.arange(mean.size) < n, len(fit.doses))
-    emulator = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
+    varied = doses and fit.hypothesis.doses_of(doses.w)
+    known_w = np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))
+    emulator = model.prepared.model_errors(model.axis_numbers(v[: model.count]), acting, varied, n)
     if place.runs is not None:
         mean, emulator[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
         emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
-    errors, blocks = np.hstack([both.shared, emulator]), both_blocks(place, fit, both, doses)
+    errors, blocks = np.hstack([both.shared, emulator]), joint_blocks(place, fit, both, doses)
     conditioned = replace(
         fit,
         mean=mean[:n],
@@ -254,8 +254,8 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
         replace(linear_rows, block=rows.block[active])
-        .with_bad(fit.evidence.bad)
-        .posterior_at(fit.evidence.solution.u),
+        .downweight_bad_rows(fit.evidence.bad)
+        .at_scales(fit.evidence.solution.u),
         (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
         rows.block[~active],
@@ -276,9 +276,9 @@ def forecast(posterior: Posterior, place: JointRows) -> Forecast:
     scatter = np.maximum(place.rows.variance - numerical, 0.0)
     for h, p in posterior.likely_hypotheses.items():
         view = outlook(place, place.race.fits[h])
-        for now, _, weight in scale_draws(view.solution, p, random):
+        for now, _, weight in draw_scales(view.solution, p, random):
             at = replace(view, solution=now)
-            mean = at.variance() + place.mean_variance + numerical
+            mean = at.conditional_variance() + place.mean_variance + numerical
             parts.append((weight, at.mean(), mean, mean + kappa(place, now) ** 2 * scatter))
     weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
     return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
@@ -300,11 +300,11 @@ def leave_one_out(posterior: Posterior) -> Floats:
     for h, p in posterior.likely_hypotheses.items():
         evidence = posterior.race.fits[h].evidence
         bad = list(evidence.bad)
-        for now, _, weight in scale_draws(evidence.solution, p, random):
-            residual, diagonal = now.precision
+        for now, _, weight in draw_scales(evidence.solution, p, random):
+            residual, diagonal = now.whitened
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
-            variance[bad] -= (1.0 - BAD_SD**-2) / now.row_share[bad]
+            variance[bad] -= (1.0 - BAD_SD**-2) / now.inverse_variance_of_rows[bad]
             shares.append(special.ndtr(gap / np.sqrt(variance)))
     share = np.exp(weights - np.max(weights, axis=0))
     return np.sum(share * shares, axis=0) / np.sum(share, axis=0)
@@ -319,47 +319,47 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     rows = held_out_rows(race.prepared)
     if rows is None:
         return None
-    others = [fit.hypothesis for fit in race.sets(1) if fit.hypothesis.acting.isdisjoint(names)]
+    others = [fit.hypothesis for fit in race.effect_sets(1) if fit.hypothesis.acting.isdisjoint(names)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
     alone = Hypothesis(tuple(sorted(names)))
-    best = alone if alone in race.fits else posterior.best.hypothesis
+    best = alone if alone in race.fits else posterior.best_fit.hypothesis
     place, chosen = joint_rows(race, rows), [Hypothesis(()), best, *wrong]
     outlooks = [outlook(place, race.fits[h]) for h in chosen]
     good = np.all([np.isfinite(each.start) for each in outlooks], axis=0)
     if not good.any():
         return None
     # rivals may expect large errors
-    size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].variance(False))
+    size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].conditional_variance(False))
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
-    p_after = misfit_chance(place, outlooks[1], exact)
-    p_worse = chance_of_worse(place, outlooks[0], outlooks[1], exact)
+    p_after = predicted_misfit_p_value(place, outlooks[1], exact)
+    p_worse = p_value_of_misfit_change(place, outlooks[0], outlooks[1], exact)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     errors = (int(good.sum()), before, after, control)
     return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name)
 
 
-def misfit_chance(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
+def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
     noise = np.diag(place.rows.variance + place.mean_variance)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
     gap, chosen = (place.rows.z - outlook_of.mean(False))[good], np.ix_(good, good)
-    physics, noise = outlook_of.covariance(False)[chosen], noise[chosen]
+    physics, noise = outlook_of.conditional_covariance(False)[chosen], noise[chosen]
     scatter = np.exp(2.0 * place.race.priors.doubt * NODES)
     size = [gap @ np.linalg.solve(physics + factor * noise, gap) for factor in scatter]
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
 
 
-def chance_of_worse(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
+def p_value_of_misfit_change(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
     """Chance that the misfit falls as little, or grows as much, if what is added acts.
 
     With d the change of the prediction over the sd s of its error, and r the residual after it,
 
         (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
     """
-    size = np.sqrt(place.rows.variance + place.mean_variance + after.variance(False))
+    size = np.sqrt(place.rows.variance + place.mean_variance + after.conditional_variance(False))
     change = ((after.mean(False) - before.mean(False)) / size)[good]
     residual = ((place.rows.z - after.mean(False)) / size)[good]
     return float(special.ndtr(change @ residual / max(float(np.sqrt(change @ change)), 1e-12)))

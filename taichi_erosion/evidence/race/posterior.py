@@ -18,15 +18,15 @@ from numpy.linalg import LinAlgError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import MOST_SETTINGS, Floats, Measurements, Problem, Progress
-from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.adequacy import misfit_p
-from taichi_erosion.evidence.race.doses import add_doses
+from taichi_erosion.evidence.race.adequacy import misfit_p_value
+from taichi_erosion.evidence.race.doses import fit_all_mechanisms
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, PRIORS, SEED, Priors
-from taichi_erosion.evidence.race.search import log_prior, search
+from taichi_erosion.evidence.race.search import log_prior, search_effect_sets
 
 SCALES = 60  # draws of the scales of one hypothesis
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
@@ -41,18 +41,18 @@ class Draws:
     weight: Floats  # (m,), of all hypotheses together their sum is 1
 
 
-def scale_draws(
+def draw_scales(
     best: LinearPosterior, probability: float, random: np.random.Generator, each: int = 0
 ) -> list[tuple[LinearPosterior, Floats, float]]:
     """Solutions at drawn scales, with so many draws (each, q) of all coefficients, and weights."""
-    spread = np.linalg.cholesky(np.linalg.inv(best.derivatives()[1]))
+    spread = np.linalg.cholesky(np.linalg.inv(best.gradient_and_curvature()[1]))
     scales, log_weight = [], []
     for k in range(SCALES):
         step = random.standard_normal(best.u.size) if k else np.zeros(best.u.size)
         stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM))
         u = np.clip(best.u + spread @ step * stretch, -8.0, 8.0)
         try:
-            now = best.rows.posterior_at(u)
+            now = best.rows.at_scales(u)
             root = np.linalg.cholesky(now.inverse)
         except LinAlgError:
             continue
@@ -85,32 +85,32 @@ class Posterior:
         shares = {h: p for h, p in self.probability.items() if p > 1e-3}
         for fit, share in [(self.race.fits[h], p / sum(shares.values())) for h, p in shares.items()]:
             each = max(4, int(DRAWS * share / SCALES))
-            _, values, weights = zip(*scale_draws(fit.evidence.solution, share, random, each), strict=True)
+            _, values, weights = zip(*draw_scales(fit.evidence.solution, share, random, each), strict=True)
             draws_of_fits.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
         return draws_of_fits
 
     @cached_property
-    def numbers(self) -> tuple[Floats, Floats]:
+    def number_draws(self) -> tuple[Floats, Floats]:
         """Calibrated numbers (m, p) in their units, and weights (m,)."""
-        count, unit_values = self.race.model.count, self.race.model.unit_values
+        count, unit_values = self.race.model.count, self.race.model.in_units
         values = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
         return values, np.concatenate([each.weight for each in self.draws])
 
     @property
-    def best(self) -> Fit:
+    def best_fit(self) -> Fit:
         """The likeliest explanation."""
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
-    def unknowns(self, count: int) -> dict[str, Floats]:
+    def draw_numbers_and_strengths(self, count: int) -> dict[str, Floats]:
         """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect has no single one."""
-        numbers, weight = self.numbers
+        numbers, weight = self.number_draws
         names = list(self.race.model.candidates)
         strengths = [np.concatenate([self.strengths(each, name) for each in self.draws]) for name in names]
         picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
-        keys = [axis.name for axis in self.race.prepared.axes] + names
+        keys = [axis.name for axis in self.race.prepared.parameter_axes] + names
         return dict(zip(keys, np.vstack([numbers.T, *strengths])[:, picked], strict=True))
 
-    def strength(self, name: str) -> tuple[Floats, Floats]:
+    def strength_draws(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
         values = np.concatenate([self.strengths(each, name) for each in self.draws])
         return values[values > 0.0], np.concatenate([each.weight for each in self.draws])[values > 0.0]
@@ -147,22 +147,22 @@ def infer(
     `most` settings of the model may be evaluated; what is known when they are spent is the answer, and
     `Race.stopped` says so.
     """
-    prepared = prepare(problem, problem.visible() if table is None else table, seed)
+    prepared = prepare_problem(problem, problem.visible_rows() if table is None else table, seed)
     if bare:
         nothing = replace(problem, candidates=(), mechanisms=())
         prepared = replace(prepared, problem=nothing, predictor=replace(prepared.predictor, candidates=()))
     race = Race(prepared, RaceModel(prepared, most, progress, priors))
     try:
-        search(race)
+        search_effect_sets(race)
         if problem.mechanisms and has_unexplained_misfit(race):
-            add_doses(race)
+            fit_all_mechanisms(race)
     except BudgetSpentError:
         race.out_of_budget = True
         if not race.all_singles:
             early = "the budget of runs ends before the model is calibrated and every effect tried once"
             raise BadInput(f"{early}: raise budget.runs") from None
     race.model.most_settings = np.inf
-    return Posterior(race, race.posterior())
+    return Posterior(race, race.posterior_probabilities())
 
 
 def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Posterior:
@@ -171,16 +171,16 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
     fit = race.bare
     for name in names:
         hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
-        fit_with = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
+        fit_with = race.fits.get(hypothesis) or race.add_effect(fit, name, log_prior(race, hypothesis))
         if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
-        fit = fit_with if fit_with.is_optimum else race.optimise(fit_with)
+        fit = fit_with if fit_with.is_optimum else race.optimise_setting(fit_with)
     return restrict(race, lambda h: h.names == names and {*h.extra} <= {OUTSIDE})
 
 
 def restrict(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
     """The posterior if one of some hypotheses is true."""
-    share = {h: p for h, p in race.posterior().items() if wanted(h)}
+    share = {h: p for h, p in race.posterior_probabilities().items() if wanted(h)}
     total = max(sum(share.values()), 1e-300)
     return Posterior(race, {h: p / total for h, p in share.items()})
 
@@ -191,9 +191,9 @@ def has_unexplained_misfit(race: Race) -> bool:
     Until mechanisms are tried, what is not in the list has their prior too.
     """
     listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.extra)
-    share = race.posterior()
+    share = race.posterior_probabilities()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)
     if listed_share < race.priors.nothing * (listed_share + unlisted):
         return True
-    return misfit_p(listed[0], levels=False) < FAMILYWISE
+    return misfit_p_value(listed[0], levels=False) < FAMILYWISE

@@ -20,11 +20,11 @@ from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
-from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis
-from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, new_rows, outlook
+from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, outlook, rows_at
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.record import ExperimentPart, Interval
@@ -49,27 +49,27 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
 
     None where the leading one is SURE, or where no measurements decide.
     """
-    weights = explanations(posterior.probability)
+    weights = likeliest_explanations(posterior.probability)
     leading = next(iter(weights))
-    if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
+    if sum(p for h, p in posterior.probability.items() if agrees_with(leading, h)) >= SURE:
         return ()
-    race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
+    race, rows = posterior.race, all_measurements(posterior.race.prepared, laboratory.ranges)
     place = joint_rows(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
     rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
     design = best_design(rivals, cost)
-    return tuple(experiment(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
+    return tuple(experiment_record(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
 
 # -- explanations
 
 
-def right(hypothesis: Hypothesis, true: Hypothesis) -> bool:
+def agrees_with(hypothesis: Hypothesis, true: Hypothesis) -> bool:
     """Whether what one explanation says is right where another holds: all that it names acts, or nothing."""
     return hypothesis.acting <= true.acting if hypothesis.acting else not true.acting
 
 
-def name_of(hypothesis: Hypothesis) -> str:
+def name_of_hypothesis(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies."""
     names, extra_names = [*hypothesis.names], "+".join(hypothesis.extra)
     if extra_names:
@@ -77,7 +77,7 @@ def name_of(hypothesis: Hypothesis) -> str:
     return "+".join(names) or "none"
 
 
-def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
+def likeliest_explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     answers: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
@@ -87,7 +87,7 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
     leading = next(iter(shares))
 
     def agreeing(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
-        return sum(p for other, p in some.items() if right(leading, other) == right(leading, h))
+        return sum(p for other, p in some.items() if agrees_with(leading, other) == agrees_with(leading, h))
 
     probabilities = {h: p for h, p in shares.items() if p > 0.1 * KEEP}
     return {h: p * agreeing(probability, h) / agreeing(probabilities, h) for h, p in probabilities.items()}
@@ -100,31 +100,31 @@ def rival(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     other = outlook(place, fit)
     scatter = kappa(place, other.solution) ** 2
-    covariance = other.covariance() + np.diag(scatter * place.rows.variance / repeats)
+    covariance = other.conditional_covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
 
-def experiment(
+def experiment_record(
     rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
 ) -> ExperimentPart:
     """One measurement with what every explanation expects of it."""
     expected, observable = {}, rows.observables[rows.which[at]]
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
-        ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
-        expected[name_of(each.hypothesis)] = Interval(*map(float, ends))
+        ends = np.maximum(unscale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
+        expected[name_of_hypothesis(each.hypothesis)] = Interval(*map(float, ends))
     conditions = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
     return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 
 
-def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
+def all_measurements(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
     """Every measurement that a laboratory could make."""
     rows, names, sets = prepared.rows, [], []
     for k in np.unique(rows.which):
         sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
-    cases = new_rows(prepared, NewConditions(tuple(names), conditions))
+    cases = rows_at(prepared, NewConditions(tuple(names), conditions))
     return replace(cases, group=tuple(f"|{row}" for row in range(cases.size)))  # each a set-up of its own
 
 
@@ -159,7 +159,7 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     outcomes = (mean[:, np.newaxis] + kicks).reshape(-1, valued.size)
     gap = outcomes - mean[:, np.newaxis]  # (rivals, outcomes, m), from what each expects after those chosen
     weight, names = np.array([rival.weight for rival in rivals]), [rival.hypothesis for rival in rivals]
-    rightness = np.array([[right(each, true) for true in names] for each in names], dtype=np.float64)
+    rightness = np.array([[agrees_with(each, true) for true in names] for each in names], dtype=np.float64)
     true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
     choice: list[tuple[int, float]] = []

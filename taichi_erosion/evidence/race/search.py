@@ -17,7 +17,7 @@ import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 
 
@@ -44,23 +44,23 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.extra else 1))
 
 
-def search(race: Race) -> None:
+def search_effect_sets(race: Race) -> None:
     """Nothing, singles, sets grown from the best ones, and each beside something that is not in the list."""
-    bare, effects = race.fit_bare(log(race.priors.nothing)), list(race.model.candidates)
-    add_unlisted(race, bare)
-    add_each(race, bare, effects)
+    bare, effects = race.fit_bare_model(log(race.priors.nothing)), list(race.model.candidates)
+    add_unlisted_effect(race, bare)
+    add_every_effect(race, bare, effects)
     race.all_singles = True
-    for single in race.sets(1):
-        race.optimise(single)
+    for single in race.effect_sets(1):
+        race.optimise_setting(single)
     for size in range(1, min(MOST, len(effects))):
-        grow(race, size, effects)
-    prune(race)
+        grow_sets_by_one_effect(race, size, effects)
+    prune_sets_of_effects(race)
     plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
     best = [fit.hypothesis.names for fit in plain[:3]]
-    smaller = [without(names, name) for names in best for name in names]
+    smaller = [remove_name(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
         if Hypothesis(names) in race.fits:
-            add_unlisted(race, race.fits[Hypothesis(names)])
+            add_unlisted_effect(race, race.fits[Hypothesis(names)])
     visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likeliest_fits(KEEP)[:CARRIED]:
@@ -69,64 +69,64 @@ def search(race: Race) -> None:
                 race.polish(fit)
 
 
-def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
+def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     """Every effect beside a set."""
     for name in effects:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
-            if (fit := race.with_effect(parent, name, log_prior(race, hypothesis))) is not None:
-                race.store(fit)
+            if (fit := race.add_effect(parent, name, log_prior(race, hypothesis))) is not None:
+                race.store_fit(fit)
 
 
-def add_unlisted(race: Race, parent: Fit) -> None:
+def add_unlisted_effect(race: Race, parent: Fit) -> None:
     """A set beside something that is not in the list, along all conditions and along each."""
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
             price = log_prior(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
-            race.store(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), 2))
+            race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), 2))
 
 
-def grow(race: Race, size: int, effects: Sequence[str]) -> None:
+def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
-    parents = leading(race, size, 0.1 * KEEP, MOST - size)
+    parents = best_of_size(race, size, 0.1 * KEEP, MOST - size)
     for parent in parents:
-        add_each(race, parent, effects)
-    for fit in [each for each in leading(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
-        race.optimise(fit)
-    for fit in leading(race, size + 1, 10.0 * KEEP, 1):
+        add_every_effect(race, parent, effects)
+    for fit in [each for each in best_of_size(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
+        race.optimise_setting(fit)
+    for fit in best_of_size(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
-            rest = race.fits.get(Hypothesis(without(fit.hypothesis.names, name)))
+            rest = race.fits.get(Hypothesis(remove_name(fit.hypothesis.names, name)))
             if rest is not None:
-                add_each(race, rest, effects)
-        for near in [each for each in leading(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
-            race.optimise(near)
+                add_every_effect(race, rest, effects)
+        for near in [each for each in best_of_size(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
+            race.optimise_setting(near)
 
 
-def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:
+def best_of_size(race: Race, size: int, least: float, most: int) -> list[Fit]:
     """The best sets of one size, likely ones alone where the rows do not refute the best of all.
 
     Where all are refuted, one that is far behind may be the nearest to what is right.
     """
-    plain = race.sets()
-    fits = sorted(race.sets(size), key=lambda fit: -fit.log_evidence)
-    total = float(np.logaddexp.reduce([*map(score, plain)]))
+    plain = race.effect_sets()
+    fits = sorted(race.effect_sets(size), key=lambda fit: -fit.log_evidence)
+    total = float(np.logaddexp.reduce([*map(log_weight_of, plain)]))
     if is_adequate(max(plain, key=lambda fit: fit.log_evidence)):
-        fits = [fit for fit in fits if score(fit) > total + log(least)]
+        fits = [fit for fit in fits if log_weight_of(fit) > total + log(least)]
     return fits[:most]
 
 
-def prune(race: Race) -> None:
+def prune_sets_of_effects(race: Race) -> None:
     """Sets without one member of the best, fitted from its optimum, until none of them is better."""
     best = None
-    while best is not (now := max(race.sets(), key=score)):
+    while best is not (now := max(race.effect_sets(), key=log_weight_of)):
         best = now
         for name in best.hypothesis.names if len(best.hypothesis.names) > 1 else ():
-            rest = Hypothesis(without(best.hypothesis.names, name))
-            race.without_effect(best, name, log_prior(race, rest))
+            rest = Hypothesis(remove_name(best.hypothesis.names, name))
+            race.fit_without_effect(best, name, log_prior(race, rest))
 
 
-def without(names: Acting, name: str) -> Acting:
+def remove_name(names: Acting, name: str) -> Acting:
     """A set without one of its effects."""
     return tuple(each for each in names if each != name)

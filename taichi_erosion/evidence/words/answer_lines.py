@@ -22,7 +22,7 @@ from taichi_erosion.evidence.record import (
 )
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.tables.number_words import count_noun, heading, key_text, plain, with_unit
+from taichi_erosion.tables.number_words import count_noun, heading, plain, toml_key, with_unit
 
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
@@ -64,7 +64,7 @@ def trim(answer: Answer, record: Record) -> Answer:
 
 def first_step(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
-    if not record.repeats and part_words.testable(record):
+    if not record.repeats and part_words.can_test_any_effect(record):
         return ""
     first = "Correct or confirm the repeats that differ" if record.repeats else "Fix the errors above"
     return f"{first} and run {voc.command(command, voc.study, *words)} again"
@@ -74,23 +74,23 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the calibrated model agrees, and where it fails."""
     first, last = comparison_lines(record, voc)
     errors = part_words.errors_line(record, voc, part_words.agrees(record))
-    missing = first, errors, part_words.where_line(record)
-    holds = (part_words.scatter_line(record, voc), part_words.calibrated_line(record, before=True))
-    table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
+    missing = first, errors, part_words.failing_places_line(record)
+    holds = (part_words.scatter_line(record, voc), part_words.calibrated_numbers_line(record, before=True))
+    table = Table("measured minus model", COMPARED, tuple(part_words.observable_misfit_rows(record, voc)))
     following = (f"{first_step(record, 'compare', voc) or last}.",)
     return trim(Answer(missing, holds, following, table), record)
 
 
 def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
-    rows, p = part_words.rows_text(record), record.p_lack_of_fit
+    rows, p = part_words.row_count_text(record), record.p_lack_of_fit
     size = f"misfit per row {plain(record.chi2_per_row_before, 2)}, where 1 is chance"
     size += f"; {say.chance(record.p_misfit)}"
     size += "" if isnan(p) else f"; against repeats alone {say.chance(p)}"
     if part_words.agrees(record):
-        return f"The calibrated model {part_words.agreement(record)} ({size}).", HARDER
+        return f"The calibrated model {part_words.agreement_text(record)} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
-    if not (record.p_misfit < ADEQUATE or part_words.failing(record)):
+    if not (record.p_misfit < ADEQUATE or part_words.bad_places(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
         words = words if part_words.fails(record) else f"The calibrated model has a trend {part_words.UNEVEN}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
@@ -100,18 +100,18 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    firm, either = part_words.acting(record)
+    firm, either = part_words.sure_and_either(record)
     names = part_words.acting_names(record) if firm or either else ""
-    fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
-    numbers = part_words.calibrated_line(record, before=not names, without=names)
-    rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
+    fit = " ".join(filter(None, (part_words.law_line(record), part_words.misfit_line(record, names))))
+    numbers = part_words.calibrated_numbers_line(record, before=not names, without=names)
+    rows = tuple(part_words.candidate_table_rows(record)) if part_words.can_test_any_effect(record) else ()
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
-    headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
-    missing = headline, errors, part_words.where_line(record)
+    headline, errors = part_words.headline_text(record, voc), part_words.errors_line(record, voc)
+    missing = headline, errors, part_words.failing_places_line(record)
     vault = record.vault
-    before, _, last = adoption(record, vault, voc) if vault and vault.n else ("", "", "")
+    before, _, last = adoption_lines(record, vault, voc) if vault and vault.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
-    return trim(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
+    return trim(Answer(missing, holds, (steps_after_discovery(record, voc, last),), table), record)
 
 
 def sensitivity_table(record: Record) -> Table | None:
@@ -119,13 +119,13 @@ def sensitivity_table(record: Record) -> Table | None:
     title = f"priors halved and doubled (probability of the answer): {part_words.sensitivity_text(record)}"
     rows = []
     for prior, answers in record.sensitivity.items():
-        chances = (say.probability(part_words.chance(record, each)) for each in answers)
+        chances = (say.probability_text(part_words.answer_probability(record, each)) for each in answers)
         cells = map("{} ({})".format, map(part_words.acting_names, answers), chances)
         rows.append((part_words.PRIORS[prior], *cells))
     return Table(title, ("prior", "halved", "doubled"), tuple(rows)) if rows else None
 
 
-def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
+def steps_after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
     proposals, verdict = voc.command("next", voc.study), record.verdict
     steps = first_step(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
     if words := "; then ".join(filter(None, steps)):
@@ -141,7 +141,7 @@ def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (firm, either), named = part_words.acting(record), record.named
+    (firm, either), named = part_words.sure_and_either(record), record.named
     if named and firm:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
     elif firm:
@@ -160,22 +160,22 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
         names, proposals = say.join_words(record.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
         return trim(Answer((words,), (), (), None), record)
-    first, numbers, last = adoption(record, vault, voc)
+    first, numbers, last = adoption_lines(record, vault, voc)
     following = (f"{first_step(record, 'adopt', voc, *vault.adopted) or last}.",)
     return trim(Answer((first,), (control(vault), numbers), following, error_table(record, vault)), record)
 
 
-def adoption(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
+def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
     rows = count_noun(vault.n, "held-out row")
     names = say.join_words(vault.adopted)
-    numbers = part_words.calibrated_line
+    numbers = part_words.calibrated_numbers_line
     before, after = vault.chi2_per_row_before, vault.chi2_per_row_after
     change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
     way = "falls" if after < before else "rises"
     misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
-    if not part_words.improves(record):
+    if not part_words.misfit_falls(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
         fitted = " to ".join(plain(each, 2) for each in ends)
@@ -223,8 +223,8 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        words = f"More measurements within the present ranges will not help.{wider(record, voc)}"
-        if not part_words.testable(record):
+        words = f"More measurements within the present ranges will not help.{wider_ranges_text(record, voc)}"
+        if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim(Answer((words,), (), (), None), record)
     leading, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
@@ -233,15 +233,15 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
     expects = (f"expected by {short(key)}" for key in leading)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
-    rows = tuple(experiment_row(each, leading, voc) for each in record.next_experiments)
+    rows = tuple(experiment_table_row(each, leading, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
     return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
-def wider(record: Record, voc: say.Vocabulary) -> str:
+def wider_ranges_text(record: Record, voc: say.Vocabulary) -> str:
     """How to ask for measurements elsewhere: twice as far along every condition that varies."""
     ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
-    ranges = ", ".join(f"{key_text(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
+    ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
     return f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}." * bool(ranges)
 
 
@@ -250,12 +250,12 @@ def short(key: str) -> str:
     return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 
 
-def experiment_row(experiment: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
+def experiment_table_row(experiment: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
     """Where to measure, what each explanation expects, the chance to decide."""
     name, unit = experiment.observable, voc.units.value_unit(experiment.observable)
     expected = (experiment.predictions.get(key) for key in keys)
     values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
-    at, chance = voc.units.setting_text(experiment.conditions), say.probability(experiment.chance)
+    at, chance = voc.units.conditions_text(experiment.conditions), say.probability_text(experiment.chance)
     return heading(say.quantity(name), unit), at, *values, chance, plain(experiment.cost, 2)
 
 
@@ -271,9 +271,9 @@ def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], unit
     lost = f"Not predicted: {say.join_words(prediction.lost)}, of which no row has a known scatter."
     missing += [lost] * bool(prediction.lost)
     missing += [f"Left out: {say.join_words(prediction.outdated)}, {again}."] * bool(prediction.outdated)
-    holds = [check_line("fitted rows, each predicted from the others,", prediction.fitted)]
+    holds = [coverage_line("fitted rows, each predicted from the others,", prediction.fitted)]
     if prediction.held_out is not None:
-        holds += [check_line("held-out rows", prediction.held_out)]
+        holds += [coverage_line("held-out rows", prediction.held_out)]
     elif hidden:
         holds += [f"{count_noun(hidden, 'held-out row')} stay unseen for `adopt`."]
     runs = count_noun(prediction.new_runs, "new simulation")
@@ -286,11 +286,11 @@ def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], unit
     lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
     following += [f"{outside} {every} {lie}: nothing checks the model there."] * bool(outside)
     if prediction.constant:
-        following += [f"As in the study, not in the table: {units.setting_text(prediction.constant)}."]
+        following += [f"As in the study, not in the table: {units.conditions_text(prediction.constant)}."]
     return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(prediction, units))
 
 
-def check_line(rows: str, check: CheckPart) -> str:
+def coverage_line(rows: str, check: CheckPart) -> str:
     """How many measured values lie inside their intervals."""
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
@@ -308,7 +308,7 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
         heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in prediction.rows
     ]
     places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
-    cells = ((*value_cells(row, units), outside_text(row)) for row in prediction.rows)
+    cells = ((*value_cells(row, units), out_of_range_text(row)) for row in prediction.rows)
     titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]
     rows = tuple((title, *at, *texts) for title, at, texts in zip(titles, places, cells, strict=True))
     return Table("predictions", columns, rows)
@@ -325,7 +325,7 @@ def value_cells(row: PredictedPart, units: TableUnits) -> Iterator[str]:
     yield f"{plain(scale * row.measured_low)} to {plain(scale * row.measured_high)}"
 
 
-def outside_text(row: PredictedPart) -> str:
+def out_of_range_text(row: PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
     ends = [f"{n} beyond {with_unit(plain(x, 4), row.condition_units[n])}" for n, x in row.outside.items()]
     return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))

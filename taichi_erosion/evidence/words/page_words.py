@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
-from taichi_erosion.evidence.words.part_words import acting
-from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability
+from taichi_erosion.evidence.words.part_words import sure_and_either
+from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability_text
 from taichi_erosion.tables.number_words import count_noun
 
 LEADING = ("discover", "adopt", "compare")  # commands whose answer can lead the page
@@ -48,7 +48,7 @@ METHODS = (
 )
 
 
-def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.Answer]:
+def answers_by_command(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.Answer]:
     """Answer of every command that was given."""
     return {name: answer(records[name], voc) for name, answer in lines.ANSWERS.items() if name in records}
 
@@ -69,25 +69,25 @@ def omissions(commands: Iterable[str]) -> str:
     return f"Left out, for they rest on another version of the table: answers of {names}." if names else ""
 
 
-def added_words(record: Record) -> str:
+def added_effects_text(record: Record) -> str:
     """What the model of the answer has beside the model as it is; empty where nothing is told."""
-    firm, either = acting(record)
+    firm, either = sure_and_either(record)
     if firm or either:
         return f"with {join_words([*firm, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
     return "with something not in the list" if record.verdict == "outside_library" else ""
 
 
-def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
+def explanations_by_probability(record: Record) -> Iterator[tuple[str, float, str]]:
     """Explanations with their probabilities, the likeliest first; small ones together."""
     ranked = sorted(record.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
     main = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
     rest = [(count_noun(len(small), "other explanation"), sum(small))] if small else []
     for label, p in [*main, *rest]:
-        yield label, p, probability(p)
+        yield label, p, probability_text(p)
 
 
-def model_line(model: str, record: Record) -> str:
+def model_description(model: str, record: Record) -> str:
     """What answers in place of the soil: formulas, a function of the user, or simulated scenes."""
     name, observables = model.partition(" ")[0], dict.fromkeys(record.rows.observable)
     if name.startswith(CLOSED_FORM):
@@ -98,8 +98,8 @@ def model_line(model: str, record: Record) -> str:
     return "The model simulates every grain; an emulator of its runs answers between them."
 
 
-def methods(record: Record, model: str = "") -> tuple[str, ...]:
+def methods_text(record: Record, model: str = "") -> tuple[str, ...]:
     """The model, and how the answer was found."""
     settings, runs = count_noun(record.settings, "setting"), count_noun(record.runs, "run")
     sentences = (each.format(sure=SURE, seed=record.seed, settings=settings, runs=runs) for each in METHODS)
-    return *([model_line(model, record)] if model else []), *sentences
+    return *([model_description(model, record)] if model else []), *sentences

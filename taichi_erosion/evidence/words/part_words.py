@@ -1,6 +1,6 @@
 """Parts of a record in words: repeats, errors, misfit, calibrated numbers; what acts, statuses, laws.
 
-Headline, table and last line take the same names from `acting`, so that they cannot contradict each other.
+Headline, table and last line share the names of `sure_and_either`, so that they cannot contradict each other.
 """
 
 from collections.abc import Iterable, Iterator
@@ -51,7 +51,7 @@ def row_list(lines: Iterable[int]) -> str:
 def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
     """Levels, and where wanted `every` error that nobody stated, of rows that can test something."""
     levels = [each for each in record.levels if each.probability >= SURE]
-    errors = record.errors if every and testable(record) else ()
+    errors = record.errors if every and can_test_any_effect(record) else ()
     words = say.first_and_count([error_text(each, voc) for each in (*levels, *errors)])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
@@ -60,8 +60,8 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
     name, label = f"the {say.quantity(error.observable)}", getattr(error, "label", "")
     more, lies = ("more", "above") if error.value > 0.0 else ("less", "below")
-    unit = unit_text(error.value) if error.kind == "factor" else ""
-    times, far = f"{say.interval(error)} times", voc.difference(error.observable, error)
+    unit = unit_mistake_text(error.value) if error.kind == "factor" else ""
+    times, far = f"{say.interval(error)} times", voc.difference_text(error.observable, error)
     size = f"{far} {more}"
     other = getattr(error, "other", "") or "the others"
     return {
@@ -81,22 +81,22 @@ def factor_text(size: Interval) -> str:
     return f"{say.interval(percent, unit='%')} {'more' if sign > 0.0 else 'less'} than the model"
 
 
-def unit_text(factor: float) -> str:
+def unit_mistake_text(factor: float) -> str:
     """` (percent for a share?)`, where a factor or its inverse is that of a unit."""
     near = (words for size, words in UNITS.items() if abs(abs(log(factor)) - log(size)) < NEAR_UNIT)
     words = next(near, "")
     return f" ({words}?)" if words else ""
 
 
-def failing(record: Record) -> list[parts.PlacePart]:
+def bad_places(record: Record) -> list[parts.PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
     return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
 
-def where_line(record: Record) -> str:
+def failing_places_line(record: Record) -> str:
     """`Where the model fails: the measured flux lies above the model at large moisture (p = 0.002).`"""
     words = []
-    for each in failing(record):
+    for each in bad_places(record):
         at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
         way = "below" if each.sign < 0 else "above"
         what = f"the measured {say.quantity(each.observable)} lies {way} the model {at}"
@@ -104,16 +104,16 @@ def where_line(record: Record) -> str:
     return f"Where the model fails: {say.first_and_count(words)}." if words else ""
 
 
-def testable(record: Record) -> bool:
+def can_test_any_effect(record: Record) -> bool:
     """Whether these measurements can test any effect."""
     return record.verdict != "not_testable"
 
 
-def rows_text(record: Record) -> str:
+def row_count_text(record: Record) -> str:
     return "the other rows" if record.repeats else f"all {count_noun(record.n, 'row')}"
 
 
-def improves(record: Record) -> bool:
+def misfit_falls(record: Record) -> bool:
     """Whether what is named lowers the misfit, and no held-out rows refute that."""
     vault = record.vault
     worse = vault is not None and vault.chi2_after >= vault.chi2_before and not vault.p_worse >= ADEQUATE
@@ -127,15 +127,15 @@ def agrees(record: Record) -> bool:
 
 def fails(record: Record) -> bool:
     """Whether the calibrated model fails as a whole, against repeats, or in a place."""
-    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(failing(record))
+    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(bad_places(record))
 
 
-def agreement(record: Record) -> str:
+def agreement_text(record: Record) -> str:
     """`agrees with all 30 rows if the sand flux scatters 2.9 times as much as its sd or repeats`."""
     wide = (each for each in record.errors if each.kind == "scatter" and each.low > 1.0)
     sizes = (f"the {say.quantity(each.observable)} scatters {plain(each.value, 2)} times" for each in wide)
     words = say.join_words(f"{size} as much as its sd or repeats" for size in sizes)
-    return f"agrees with {rows_text(record)}{f' if {words}' if words else ''}"
+    return f"agrees with {row_count_text(record)}{f' if {words}' if words else ''}"
 
 
 def scatter_line(record: Record, voc: say.Vocabulary) -> str:
@@ -150,7 +150,7 @@ def scatter_line(record: Record, voc: say.Vocabulary) -> str:
     return f"Scatter of single measurements: {say.first_and_count(words)}." if words else ""
 
 
-def fit_line(record: Record, added: str) -> str:
+def misfit_line(record: Record, added: str) -> str:
     """Misfit of the fitted rows before and after what is added."""
     if not added:
         return ""
@@ -165,7 +165,7 @@ def fit_line(record: Record, added: str) -> str:
     return f"{words} ({say.chance(record.p_misfit_after)}); 1 is chance.{rest}"
 
 
-def calibrated_line(record: Record, before: bool, without: str = "") -> str:
+def calibrated_numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, ends = [], []
     without = "" if record.p_misfit_after < ADEQUATE else without
@@ -180,18 +180,18 @@ def calibrated_line(record: Record, before: bool, without: str = "") -> str:
     return f"Calibrated: {say.first_and_count(words)}.{more}" if words else ""
 
 
-def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
+def observable_misfit_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
     """Misfit of every observable: rows, root of the mean squared error, mean error, where the model fails."""
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
-        gap = voc.scale(name) * record.rows.gap(record.rows.before)[names == name]
-        axes = ", ".join(say.quantity(each.axis) for each in failing(record) if each.observable == name)
+        gap = voc.scale(name) * record.rows.residuals(record.rows.before)[names == name]
+        axes = ", ".join(say.quantity(each.axis) for each in bad_places(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
         title = heading(say.quantity(name), voc.units.value_unit(name))
         yield title, str(gap.size), *errors, axes or "nowhere"
 
 
-def acting(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def sure_and_either(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
@@ -202,7 +202,7 @@ def acting(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...
 
 def acting_names(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
-    firm, either = acting(decided)
+    firm, either = sure_and_either(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
     return say.join_words(filter(None, (*firm, say.join_words(either, "or")))) or unnamed
 
@@ -219,27 +219,27 @@ def sensitivity_text(record: Record) -> str:
     return f"{usual} is told, {say.join_words(sentences)}" if sentences else "no name moves"
 
 
-def chance(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
+def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
-    firm, either = map(set, acting(decision))
+    firm, either = map(set, sure_and_either(decision))
     if not (firm or either):
         return other.unlisted if decision.verdict == "outside_library" else other.probabilities["none"]
     sets = {key: {*key.split("+")} for key in other.probabilities}
     return sum(other.probabilities[k] for k, n in sets.items() if firm <= n and (not either or either & n))
 
 
-def headline(record: Record, voc: say.Vocabulary) -> str:
+def headline_text(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
-    firm, either = ([acting_text(name, record, voc) for name in names] for names in acting(record))
+    firm, either = ([acting_text(name, record, voc) for name in names] for names in sure_and_either(record))
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if record.acting_mechanisms else ''}"
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"
-        chance = say.probability(record.unlisted)
+        chance = say.probability_text(record.unlisted)
         return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
-    return silence(record, voc)
+    return no_name_sentence(record, voc)
 
 
 def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
@@ -264,13 +264,13 @@ def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
 def strength_text(part: parts.EffectPart) -> str:
     """Strength with its interval; that it reaches the end of the list."""
     limit = f", at the limit of the list, {plain(part.most, 2)}" if part.strength_high >= part.most else ""
-    return f"{say.interval(part.interval)}{limit}"
+    return f"{say.interval(part.strength_range)}{limit}"
 
 
 def law_text(law: LawPart, voc: say.Vocabulary) -> str:
     """`factor = 1 + 0.8 (moisture / 5 %)^1.2`, in the units of the table."""
     numbers = {name: plain(number.value, 2) for name, number in law.numbers.items()}
-    numbers |= {name: voc.units.size_text(*size) for name, size in law.sizes.items()}
+    numbers |= {name: voc.units.condition_size_text(*size) for name, size in law.sizes.items()}
     text = (law.template or law.expression).format(**numbers)
     counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
     if counts.endswith(ONE_LESS):
@@ -280,7 +280,7 @@ def law_text(law: LawPart, voc: say.Vocabulary) -> str:
 
 def law_line(record: Record) -> str:
     """How well the law of what acts is known."""
-    law, (firm, either) = record.law, acting(record)
+    law, (firm, either) = record.law, sure_and_either(record)
     if law is None or law.mechanism not in (*firm, *either):
         return ""
     free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.powers.items()]
@@ -288,24 +288,24 @@ def law_line(record: Record) -> str:
     return f"Law: {''.join(free)}it explains {share}."
 
 
-def silence(record: Record, voc: say.Vocabulary) -> str:
+def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """The answer where nothing is named."""
     if record.verdict == "unstable":
         names = say.join_words(map(voc.effect_title, (*record.named, *record.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
-    if not testable(record):
+    if not can_test_any_effect(record):
         return "No effect is named before the errors above are fixed."
     if record.refuted:
-        return refusal(record, voc)
+        return refuted_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
-    places, chances = failing(record), [record.p_misfit, record.p_lack_of_fit]
-    state = f"fails on {rows_text(record)}" if fails(record) else agreement(record)
+    places, chances = bad_places(record), [record.p_misfit, record.p_lack_of_fit]
+    state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
     if not (fails(record) or agrees(record)):
         state, chances = f"has a trend {UNEVEN}", [each.p_as_stated for each in record.where]
     state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
     if leading == "none" and (agrees(record) or (share >= SURE and not places)):
         common = " by errors of measurement" * (not agrees(record))
-        none = f"probability that none acts: {say.probability(share)}"
+        none = f"probability that none acts: {say.probability_text(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"; a name needs {SURE:g}"
     if share >= SURE:
@@ -313,26 +313,26 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     name = say.EXPLANATIONS.get(leading) or say.join_words(map(voc.effect_title, leading.split("+")))
     name, why = (name, "") if leading == "none" else (f"{name} alone", why)
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
-    best = f"the likeliest, {name}, has probability {say.probability(share)}{why}"
+    best = f"the likeliest, {name}, has probability {say.probability_text(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."
 
 
-def refusal(record: Record, voc: say.Vocabulary) -> str:
+def refuted_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
     best, parts_of_best = record.refuted, [record.effects[name] for name in record.refuted]
     why = "the rows contradict its law: it acts in another way, or something else acts"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
     elif strong := [part for part in parts_of_best if part.strength > part.most]:
-        size = f"{say.interval(strong[0].interval)}, where the list ends at {plain(strong[0].most, 2)}"
+        size = f"{say.interval(strong[0].strength_range)}, where the list ends at {plain(strong[0].most, 2)}"
         why = f"with a strength of {size}: check the units, or something else acts"
     names = say.join_words(map(voc.effect_title, best))
     return f"No effect is named: {names} would explain the data best, but {why}."
 
 
-def status(name: str, record: Record) -> str:
+def candidate_status_text(name: str, record: Record) -> str:
     """What these measurements say of one candidate."""
-    firm, either = acting(record)
+    firm, either = sure_and_either(record)
     if name in firm:
         return "present"
     if name in either:
@@ -354,13 +354,13 @@ def status(name: str, record: Record) -> str:
     return f"{words}; not told apart from {say.join_words(part.alike, 'or')}" if part.alike else words
 
 
-def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
+def candidate_table_rows(record: Record) -> Iterator[tuple[str, ...]]:
     """Candidates and mechanisms: what acts first, then by probability; a strength where it likely acts."""
-    acts = [name for names in acting(record) for name in names]
+    acts = [name for names in sure_and_either(record) for name in names]
     chances = {name: record.probabilities.get(name, 0.0) for name in acts}
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
         part = record.effects.get(name)
         hidden = part is None or (name not in acts and part.probability < LIKELY)
         strength = "-" if hidden or part is None else strength_text(part)
-        yield name, status(name, record), strength, say.probability(chances[name])
+        yield name, candidate_status_text(name, record), strength, say.probability_text(chances[name])

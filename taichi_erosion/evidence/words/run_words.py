@@ -20,7 +20,7 @@ LEAST_RUNS = 2  # that show a scatter
 COLUMNS = ("measure", "simulated", "measured", "difference")
 
 
-def with_deviation(measure: Document, usual: int | None = None) -> str:
+def with_sd_text(measure: Document, usual: int | None = None) -> str:
     """`32.91 ± 0.51 (n = 2)`, rounded to two digits of the deviation; without n where it is the usual one."""
     value, sd, n = measure.get("value"), measure.get("sd"), measure.get("n")
     if value is None or not isfinite(value):
@@ -41,11 +41,11 @@ def run_table(document: Document) -> Table:
         share = f" ({(got - want) / want:+.0%})" if want else ""
         gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
         title = heading(quantity(name), measure.get("unit") or datum.get("unit") or "")
-        rows.append((title, with_deviation(measure, len(document["replicas"])), with_deviation(datum), gap))
+        rows.append((title, with_sd_text(measure, len(document["replicas"])), with_sd_text(datum), gap))
     return Table("", COLUMNS, tuple(rows))
 
 
-def comparisons(document: Document) -> Iterator[str]:
+def compare_words(document: Document) -> Iterator[str]:
     """One sentence for every measured value."""
     for name, datum in document["measured"].items():
         measure, title = document["measures"].get(name, {}), quantity(name)
@@ -54,22 +54,22 @@ def comparisons(document: Document) -> Iterator[str]:
         elif measure.get("value") is None or not isfinite(measure["value"]):
             yield f"The {title} has no simulated value; {datum['value']:g} was measured."
         else:
-            yield comparison(title, measure, datum)
+            yield comparison_sentence(title, measure, datum)
 
 
-def comparison(title: str, measure: Document, datum: Document) -> str:
+def comparison_sentence(title: str, measure: Document, datum: Document) -> str:
     """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
     gap = measure["value"] - datum["value"]
-    shared = known_deviation(measure.get("details", {}).get("shared_sd"))
+    shared = deviation_or_zero(measure.get("details", {}).get("shared_sd"))
     size = with_unit(plain(abs(gap), 2), measure.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
     words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in measure.get("shortfalls", ())[:1])
     if (measure.get("n") or 1) < LEAST_RUNS:
-        sd = known_deviation(datum.get("sd"))
+        sd = deviation_or_zero(datum.get("sd"))
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
     error = hypot(
-        shared, *(known_deviation(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
+        shared, *(deviation_or_zero(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
     )
     far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
     if far and abs(gap) <= CHANCE * error:
@@ -77,12 +77,12 @@ def comparison(title: str, measure: Document, datum: Document) -> str:
     return f"{words}: {far}." if far else f"{words}."
 
 
-def known_deviation(sd: float | None) -> float:
+def deviation_or_zero(sd: float | None) -> float:
     """A standard deviation, 0 where it is unknown."""
     return sd if sd is not None and isfinite(sd) else 0.0
 
 
-def steadiness(document: Document) -> Iterator[str]:
+def steady_window_texts(document: Document) -> Iterator[str]:
     """Where the window begins in which transport was steady, once for all measures that share it."""
     for measure in document["measures"].values():
         shared, lacking = measure.get("details", {}), {each["flag"] for each in measure.get("shortfalls", ())}
@@ -115,12 +115,12 @@ def run_notes(document: Document) -> Iterator[str]:
         limits = (each["sentence"] for each in measure.get("shortfalls", ()) if each["stated"])
         yield from (f"{quantity(name)}: {sentence}" for sentence in limits)
         yield from (f"{quantity(name)}: {note}" for note in measure.get("notes", ()))
-    yield from consequences(document)
+    yield from set_up_consequences(document)
     sources = {datum.get("source") for datum in document["measured"].values()}
     yield from (f"measured: {source}" for source in sources if source)
 
 
-def consequences(document: Document) -> Iterator[str]:
+def set_up_consequences(document: Document) -> Iterator[str]:
     """What reduced stiffness, adhesion and rolling friction of a scene imply."""
     limits = document.get("limits", {})
     for word, name in (("grains", "kinds"), ("stiffness", "softening"), ("rolling friction", "rolling")):
@@ -132,7 +132,7 @@ def consequences(document: Document) -> Iterator[str]:
         )
 
 
-def cost_and_origin(document: Document) -> str:
+def run_cost_and_origin(document: Document) -> str:
     """`2 repeats in 8.5 s, 2.86e+06 grain-steps/s, scene 550ba494cbcb, seed 1`."""
     seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
     speed = document[f"{kind}_steps"] / seconds if seconds else 0.0

@@ -63,7 +63,7 @@ class Vocabulary:
         """Factor from the unit of the model to that of the table."""
         return self.units.value(observable, 1.0) or 1.0
 
-    def difference(self, observable: str, size: Interval) -> str:
+    def difference_text(self, observable: str, size: Interval) -> str:
         """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
         sign = -1.0 if size.value < 0.0 else 1.0
         return interval(size, 2, sign * self.scale(observable), self.units.value_unit(observable))
@@ -86,7 +86,7 @@ def chance(p: float) -> str:
     return f"p < {plain(LEAST_TOLD)}" if p < LEAST_TOLD else f"p = {plain(p, 2)}"
 
 
-def probability(p: float) -> str:
+def probability_text(p: float) -> str:
     """A probability, never rounded to certainty."""
     return "> 0.99" if p > 0.99 else "< 0.01" if p < 0.01 else f"{p:.2f}"
 

@@ -16,7 +16,7 @@ from taichi_erosion.core.air_setup import (
 )
 from taichi_erosion.core.setup import Coupling, Floats
 from taichi_erosion.scene.preparation.limits import time_step
-from taichi_erosion.scene.preparation.sizes import grain_cube, nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter, scene_mean_cubed_diameter
 from taichi_erosion.scene.schema.air import (
     COURANT_MOST,
     AirBox,
@@ -41,18 +41,18 @@ GUST = 3.0  # standard deviations that a gust may exceed the mean wind by [1]
 COLUMN_SHARE = 1e-3  # time step of air that nothing limits over the run [1]
 
 
-def surface_height(scene: Scene, wind: Wind) -> float:
+def bed_surface_height(scene: Scene, wind: Wind) -> float:
     """Height of the undisturbed bed of a patch [m]."""
     if wind.surface is not None:
         return wind.surface
-    volume = scene.grains.count * pi / 6.0 * grain_cube(scene)
+    volume = scene.grains.count * pi / 6.0 * scene_mean_cubed_diameter(scene)
     return volume / (SOLID_SHARE * wind.length * wind.width)
 
 
-def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup:
+def air_over_patch(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup:
     """Air over a periodic patch of grains: one column of cells, or a grid."""
     diameter = nominal_diameter(scene.grains)
-    fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
+    fine_until = min(bed_surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
     faces = air_setup.bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
     ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress" if wind.drive == "lid" else "symmetry")}
     column = AirSetup(
@@ -66,12 +66,12 @@ def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup
         time_step=time_step * wind.look_steps,
         model=AirModel(closure=wind.closure, advection="none", scheme="euler", exchange=True),
         friction_velocity=wind.partition * wind.friction_velocity,
-        ground=surface_height(scene, wind),
+        ground=bed_surface_height(scene, wind),
     )
-    return column if wind.columns == (1, 1) else on_grid(column, wind, diameter, seed)
+    return column if wind.columns == (1, 1) else air_on_several_columns(column, wind, diameter, seed)
 
 
-def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetup:
+def air_on_several_columns(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetup:
     """The same air on several columns: with advection, and random fluctuations when the wind sets in."""
     eddies = wind.closure != "mixing_length"
     grid = replace(
@@ -87,12 +87,12 @@ def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetu
     return replace(grid, start=air_setup.initial_wind(grid, grid.friction_velocity)) if blows else grid
 
 
-def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
+def coupling_of_patch(scene: Scene, wind: Wind, seed: int) -> Coupling:
     """Intervals and constants of the exchange between grains and air."""
     interval = wind.look_steps * time_step(scene)
     return Coupling(
         look_steps=wind.look_steps,
-        surface=surface_height(scene, wind),
+        surface=bed_surface_height(scene, wind),
         through_flow=wind.through_flow,
         rising=any(stage.through_flow is not None for stage in scene.stages),
         seed=seed % 2**31,
@@ -103,7 +103,7 @@ def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
     )
 
 
-def box_faces(air: AirBox) -> Floats:
+def cell_face_heights(air: AirBox) -> Floats:
     """Faces of the cells of a box along z [m]."""
     high, count = air.extents[2], air.cells[2]
     if air.lowest is None:
@@ -112,7 +112,7 @@ def box_faces(air: AirBox) -> Floats:
     return faces(0.0, high, count, air.lowest)
 
 
-def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
+def inlet_wind(profile: Profile, height: Floats, karman: float) -> Floats:
     """Wind at the inlet at some heights [m s-1]."""
     if isinstance(profile, UniformProfile):
         return np.full(len(height), profile.speed)
@@ -123,15 +123,15 @@ def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
     return np.interp(height, profile.heights, profile.speeds)
 
 
-def inlet_shape(air: AirBox) -> Floats | None:
+def inlet_profile(air: AirBox) -> Floats | None:
     """Wind at the inlet over 1 m s-1 by layer, None where none is stated."""
-    height = box_faces(air)
-    return None if air.inlet is None else inlet_speed(air.inlet, 0.5 * (height[1:] + height[:-1]), air.karman)
+    height = cell_face_heights(air)
+    return None if air.inlet is None else inlet_wind(air.inlet, 0.5 * (height[1:] + height[:-1]), air.karman)
 
 
-def fastest_wind(air: AirBox) -> float:
+def upper_bound_of_air_speed(air: AirBox) -> float:
     """Speed that no air is expected to exceed by much [m s-1]."""
-    shape, moving = inlet_shape(air), max(max(map(abs, side.velocity)) for side in air.sides.values())
+    shape, moving = inlet_profile(air), max(max(map(abs, side.velocity)) for side in air.sides.values())
     gust = GUST * max(air.turbulence.deviation) if air.turbulence else 0.0
     blowing = 0.0 if shape is None else float(shape.max())
     # a pressure gradient drives a laminar flow, or one of 30 u* with a closure
@@ -142,15 +142,15 @@ def fastest_wind(air: AirBox) -> float:
     return max(blowing + gust, moving, driven)
 
 
-def longest_step(scene: AirScene) -> float:
+def stable_step(scene: AirScene) -> float:
     """Longest stable time step [s]."""
-    return min(step_limits(scene.air, COURANT_MOST))
+    return min(air_time_step_limits(scene.air, COURANT_MOST))
 
 
-def step_limits(air: AirBox, courant: float) -> tuple[float, float]:
+def air_time_step_limits(air: AirBox, courant: float) -> tuple[float, float]:
     """Time steps [s] that advection and explicit diffusion allow; one cell along an axis allows any."""
     widths = [size / n for size, n in zip(air.extents[:2], air.cells[:2], strict=True) if n > 1]
-    speed = fastest_wind(air)
+    speed = upper_bound_of_air_speed(air)
     advective = courant * min(widths) / speed if widths and speed and air.advection != "none" else np.inf
     diffusive = DIFFUSION / (air.viscosity * sum(2.0 / w**2 for w in widths)) if widths else np.inf
     return advective, diffusive
@@ -160,15 +160,15 @@ def air_time_step(scene: AirScene) -> float:
     """Time step of a run [s]; what nothing limits takes COLUMN_SHARE of the run."""
     if scene.run.time_step is not None:
         return scene.run.time_step
-    limit = min(step_limits(scene.air, scene.run.courant))
+    limit = min(air_time_step_limits(scene.air, scene.run.courant))
     return float(limit) if np.isfinite(limit) else COLUMN_SHARE * scene.run.duration
 
 
 def build_air(scene: AirScene, seed: int) -> AirSetup:
     """Air of one replica of a scene of air alone."""
-    air, shape = scene.air, inlet_shape(scene.air)
+    air, shape = scene.air, inlet_profile(scene.air)
     sides = {name: AirSide(s.kind, s.velocity, s.roughness_length) for name, s in air.sides.items()}
-    if sides["x_low"].kind == "inlet":  # wind along x comes as a profile of 1 m/s times `inlet_shape`
+    if sides["x_low"].kind == "inlet":  # wind along x comes as a profile of 1 m/s times `inlet_profile`
         sides["x_low"] = replace(sides["x_low"], velocity=(1.0, 0.0, 0.0))
     model = AirModel(air.closure, air.advection)
     if air.cells[:2] == (1, 1) and air.closure != "smagorinsky":
@@ -178,7 +178,7 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         cells=air.cells,
         low=(0.0, 0.0, 0.0),
         high=air.extents,
-        faces_z=box_faces(air),
+        faces_z=cell_face_heights(air),
         sides={name: sides[name] for name in air_setup.SIDES},
         density=air.density,
         viscosity=air.viscosity,
@@ -195,17 +195,17 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         and InletTurbulence(
             air.turbulence.deviation, air.turbulence.integral_length, seed, air.turbulence.waves
         ),
-        start=shape if shape is not None else first_guess(air),
+        start=shape if shape is not None else initial_wind_guess(air),
     )
 
 
-def first_guess(air: AirBox) -> Floats | None:
+def initial_wind_guess(air: AirBox) -> Floats | None:
     """Initial wind of a driven flow with a closure [m s-1]; from rest it would take long to develop."""
     if air.closure == "none":
         return None
     gradient = max(-air.driving_gradient[0], 0.0) * air.extents[2] / air.density
     friction = max(gradient**0.5, air.friction_velocity)
-    height = box_faces(air)
+    height = cell_face_heights(air)
     smooth = 0.11 * air.viscosity / max(friction, 1e-12)  # roughness length of a smooth wall
     roughness = max(air.sides["z_low"].roughness_length, smooth)
     return air_setup.log_profile(0.5 * (height[1:] + height[:-1]), friction, roughness, air.karman)

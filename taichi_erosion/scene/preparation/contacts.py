@@ -12,7 +12,7 @@ NEVER_READ = Contact(restitution=1.0, friction_sliding=0.0, rolling_damping=0.0)
 
 def materials_used(scene: Scene) -> list[str]:
     """Names of the materials of grains and walls, in alphabetical order."""
-    return sorted({*scene.grains.parts} | scene.wall_materials)
+    return sorted({*scene.grains.parts} | scene.wall_material_names)
 
 
 def shear_modulus(material: Material) -> float:
@@ -29,7 +29,7 @@ def young_modulus(material: Material) -> float:
     return 2.0 * (material.shear_modulus or 0.0) * (1.0 + material.poisson_ratio)
 
 
-def young_effective(a: Material, b: Material) -> float:
+def effective_young_modulus(a: Material, b: Material) -> float:
     """E* [Pa]:  1/E* = (1 - nu_a^2) / E_a + (1 - nu_b^2) / E_b."""
     return 1.0 / (plane_compliance(a, young_modulus(a)) + plane_compliance(b, young_modulus(b)))
 
@@ -39,12 +39,12 @@ def plane_compliance(material: Material, young: float) -> float:
     return (1.0 - material.poisson_ratio**2) / young
 
 
-def shear_effective(a: Material, b: Material) -> float:
+def effective_shear_modulus(a: Material, b: Material) -> float:
     """G* [Pa]:  1/G* = (2 - nu_a) / G_a + (2 - nu_b) / G_b."""
     return 1.0 / ((2.0 - a.poisson_ratio) / shear_modulus(a) + (2.0 - b.poisson_ratio) / shear_modulus(b))
 
 
-def true_young(material: Material) -> float:
+def stiff_young(material: Material) -> float:
     """Young's modulus before softening [Pa]."""
     if material.softening is None:
         return young_modulus(material)
@@ -52,7 +52,7 @@ def true_young(material: Material) -> float:
     return young_modulus(material) * material.softening.true_modulus / modulus
 
 
-def surface_energy(grains: Grains, contact: Contact, a: Material, b: Material) -> float:
+def simulated_surface_energy(grains: Grains, contact: Contact, a: Material, b: Material) -> float:
     """Surface energy as simulated [J m-2]: as stated, times the scales of coarse graining and of softening.
 
     Coarse graining has its rule (`CoarseGraining`). Softening keeps the sticking speed by
@@ -64,8 +64,8 @@ def surface_energy(grains: Grains, contact: Contact, a: Material, b: Material) -
     energy = contact.surface_energy * grains.adhesion_scale
     if "sticking_velocity" not in rules:
         return energy
-    true = 1.0 / (plane_compliance(a, true_young(a)) + plane_compliance(b, true_young(b)))
-    return energy * (young_effective(a, b) / true) ** STICKING_EXPONENT
+    true = 1.0 / (plane_compliance(a, stiff_young(a)) + plane_compliance(b, stiff_young(b)))
+    return energy * (effective_young_modulus(a, b) / true) ** STICKING_EXPONENT
 
 
 def contact_table(scene: Scene) -> ContactTable:
@@ -74,16 +74,16 @@ def contact_table(scene: Scene) -> ContactTable:
     rows = {}
     for i, name in enumerate(names):
         for j, other in enumerate(names[i:], start=i):
-            contact = scene.contact_of(name, other) or NEVER_READ
+            contact = scene.contact_of_materials(name, other) or NEVER_READ
             a, b = scene.materials[name], scene.materials[other]
             rows[pair_row(i, j, len(names))] = (
-                young_effective(a, b),
-                shear_effective(a, b),
+                effective_young_modulus(a, b),
+                effective_shear_modulus(a, b),
                 contact.restitution,
                 contact.friction_sliding,
-                contact.friction_rolling * contact.rolling_share,
+                contact.friction_rolling * contact.rolling_lever,
                 contact.rolling_damping,
-                surface_energy(scene.grains, contact, a, b),
+                simulated_surface_energy(scene.grains, contact, a, b),
                 float(contact.acted_on),
             )
     return ContactTable(*np.array([rows[row] for row in range(len(rows))]).T)

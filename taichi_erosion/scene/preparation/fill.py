@@ -16,7 +16,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
 from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.walls import bounds_of, closed_mesh, depths, distance_to_wall
+from taichi_erosion.scene.preparation.walls import box_of_points, closed_mesh, distance_to_wall, mesh_depths
 from taichi_erosion.scene.schema.fields import FARTHEST, Vector, resolve, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
@@ -39,7 +39,7 @@ def stream(seed: int, purpose: str) -> Generator:
     return Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
 
 
-def pour(
+def pour_grains(
     scene: Scene, fill: Pour, kind: Integers, diameter: Floats, reach: float, seed: int
 ) -> tuple[Floats, Floats, Floats]:
     """Places [n, 3] m, velocities and release times [n] s of grains of some kinds and diameters [m].
@@ -60,26 +60,26 @@ def pour(
         if inlet.mass_rate is not None and len(rows):
             masses = density[kind[rows]] * pi / 6.0 * diameter[rows] ** 3
             inlet = inlet.model_copy(update={"rate": inlet.mass_rate / masses.mean()})
-        place[rows], release[rows] = pour_layers(
+        place[rows], release[rows] = pour_grains_of_inlet(
             inlet, reach * diameter[rows], gravity, random, inlet_mesh(scene, path, inlet)
         )
         velocity[rows, 2] = -inlet.speed
     return place, velocity, release
 
 
-def inlets_from(scene: Scene, time: float, at: Sequence[float], name: str, latest: float) -> Pour:
+def pour_with_inlets_open(scene: Scene, time: float, at: Sequence[float], name: str, latest: float) -> Pour:
     """Inlets that open at a time [s]: about a place [m], one grain after the other; one of the scene; or all.
 
     Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
     """
-    wide = sizes.reach_over_diameter(scene.grains) * sizes.size_range(scene.grains)[1]
+    wide = sizes.reach_ratio(scene.grains) * sizes.size_range(scene.grains)[1]
     if len(at) not in (0, 3) or not np.all(np.abs(at) < FARTHEST):
         raise BadInput("insert: a place has coordinates x, y, z in m")
     if len(at):
         x, y, z = map(float, at)
         return Pour(law="pour", centre=(x, y, z), radius=(1.0 + ASIDE) * wide, speed=0.0, begin=time)
     parts, g = scene.fill.parts if isinstance(scene.fill, Pour) else {}, scene.gravity.magnitude
-    clear = [clearing_time(each, wide, g, inlet_mesh(scene, path, each)) for path, each in parts.items()]
+    clear = [fall_time(each, wide, g, inlet_mesh(scene, path, each)) for path, each in parts.items()]
     begin = max([time, *(latest + wait for wait in clear)])
     later = {k.rpartition(".")[2]: each.model_copy(update={"begin": begin}) for k, each in parts.items()}
     if not later or (name or next(iter(later))) not in later:
@@ -88,7 +88,7 @@ def inlets_from(scene: Scene, time: float, at: Sequence[float], name: str, lates
     return Pour.model_construct(law="pour", inlets={name: later[name]} if name else later)
 
 
-def pour_layers(
+def pour_grains_of_inlet(
     inlet: Inlet, radius: Floats, gravity: float, random: Generator, mesh: Floats
 ) -> tuple[Floats, Floats]:
     """Random places [n, 3] m and release times [n] s of grains of bounding radii [m] at one inlet.
@@ -97,13 +97,13 @@ def pour_layers(
     thin as it can keep them, so that the flow is steady; where one grain a layer is still too fast, layers
     wait. Raises BadInput where a grain finds no place.
     """
-    clear = clearing_time(inlet, float(radius.max(initial=0.0)), gravity, mesh)
+    clear = fall_time(inlet, float(radius.max(initial=0.0)), gravity, mesh)
     most = max(1, round(inlet.rate * clear)) if inlet.rate else len(radius)
     place = np.empty((len(radius), 3))
-    release, inside = np.empty(len(radius)), places_inside(mesh, random)
+    release, inside = np.empty(len(radius)), random_points_in_mesh(mesh, random)
     first, time = 0, inlet.begin
     while first < len(radius):
-        layer = random_layer(inlet, radius[first : first + most], random, mesh_cubes(mesh), inside)
+        layer = random_layer(inlet, radius[first : first + most], random, mesh_volume(mesh), inside)
         if not len(layer):
             raise BadInput(f"fill: a grain with a reach of {radius[first]:g} m finds no place in the mesh")
         last = first + len(layer)
@@ -118,7 +118,7 @@ def inlet_mesh(scene: Scene, path: str, inlet: Inlet) -> Floats:
     return closed_mesh(scene, f"{path}.mesh", inlet.mesh) if inlet.mesh else np.zeros((0, 3, 3))
 
 
-def clearing_time(inlet: Inlet, largest: float, gravity: float, mesh: Floats) -> float:
+def fall_time(inlet: Inlet, largest: float, gravity: float, mesh: Floats) -> float:
     """Time in which a layer falls clear of the next [s]:  v t + g t^2 / 2  is the distance of two layers."""
     distance = 2.0 * CLEARANCE * largest + (float(np.ptp(mesh[..., 2])) if len(mesh) else 0.0)
     return 2.0 * distance / (inlet.speed + sqrt(inlet.speed * inlet.speed + 2.0 * gravity * distance) or inf)
@@ -132,28 +132,28 @@ def random_layer(inlet: Inlet, radius: Floats, draw: Generator, cubes: float, in
     count = max(1, min(int(allowed), len(radius)))
     points = np.zeros((count, 3))
     for k in range(count):
-        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], draw, inside)
+        place = random_free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], draw, inside)
         if place is None:
             return points[:k]
         points[k] = place
     return points
 
 
-def mesh_cubes(mesh: Floats) -> float:
+def mesh_volume(mesh: Floats) -> float:
     """Volume inside a closed mesh over that of a grain of diameter 1 m [1]."""
     return float(abs(np.linalg.det(mesh).sum()) / pi)
 
 
-def places_inside(mesh: Floats, random: Generator) -> Places:
+def random_points_in_mesh(mesh: Floats, random: Generator) -> Places:
     """Random points inside a closed mesh, each with its depth [m], without end."""
-    low, high = bounds_of(mesh)
+    low, high = box_of_points(mesh)
     while True:
         points = random.uniform(low, high, (AT_ONCE // len(mesh) + 1, 3))
-        deep = depths(mesh, points)
+        deep = mesh_depths(mesh, points)
         yield from zip(points[deep > 0.0], deep[deep > 0.0], strict=True)
 
 
-def free_place(
+def random_free_place(
     inlet: Inlet, radius: float, others: Floats, distance: Floats, random: Generator, inside: Places
 ) -> Floats | None:
     """A place in the shape for a grain, farther than `distance` from the others, or None."""
@@ -202,7 +202,7 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
                     for grain in fill.grains
                 ]
             ),
-            diameter=listed_diameters(scene, fill),
+            diameter=own_diameters(scene, fill),
             release_time=np.zeros(len(fill.grains)),
         )
     if isinstance(fill, Bed):
@@ -211,10 +211,10 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
         place, velocity, spin, radius, kind = columns
         return InitialBodies(place, velocity, spin, kind.astype(np.int32), 2.0 * radius, 0.0 * radius)
     count, random = scene.grains.count, stream(seed, "places")
-    kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
+    kind, diameter = draw_sizes_of(scene, stream(seed, "diameters"), stream(seed, "kinds"))
     release = np.zeros(count)
     if isinstance(fill, Pour):
-        position, velocity, release = pour(scene, fill, kind, diameter, reach, seed)
+        position, velocity, release = pour_grains(scene, fill, kind, diameter, reach, seed)
         order = np.argsort(release, kind="stable")
         kind, diameter, release = kind[order], diameter[order], release[order]
         position, velocity = position[order], velocity[order]
@@ -225,16 +225,16 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     return InitialBodies(position, velocity, np.zeros_like(position), kind, diameter, release)
 
 
-def listed_diameters(scene: Scene, fill: Positions) -> Floats:
+def own_diameters(scene: Scene, fill: Positions) -> Floats:
     """Diameters of explicitly placed grains [n] m."""
     parts = scene.grains.parts
     nominal = {name: sizes.nominal_diameter(part.size) for name, part in parts.items()}
     return np.array([g.diameter or nominal[g.kind or scene.grains.material or ""] for g in fill.grains])
 
 
-def sample_kinds(scene: Scene, draw: Generator, order: Generator) -> tuple[Integers, Floats]:
+def draw_sizes_of(scene: Scene, draw: Generator, order: Generator) -> tuple[Integers, Floats]:
     """Kinds and diameters [m] of all grains; several kinds in random order."""
-    parts, counts = scene.grains.parts, sizes.kind_counts(scene)
+    parts, counts = scene.grains.parts, sizes.grain_count_of_kinds(scene)
     diameter = np.concatenate([sizes.sample_diameters(parts[k].size, n, draw) for k, n in counts.items()])
     kind = np.repeat(np.arange(len(parts), dtype=np.int32), list(counts.values()))
     if len(parts) == 1:
@@ -246,14 +246,14 @@ def sample_kinds(scene: Scene, draw: Generator, order: Generator) -> tuple[Integ
 def net_places(scene: Scene, fill: Rain | Lattice | Layers, radius: Floats, random: Generator) -> Floats:
     """Jittered places of a net for bodies of bounding radii [m], [count, 3] m."""
     if isinstance(fill, Rain):
-        return first_free(scene, fill, radius, random)
+        return first_free_layer_places(scene, fill, radius, random)
     if isinstance(fill, Lattice):
-        return lattice(fill, scene.grains.count, random)
-    assert scene.patch_size is not None
-    return patch_layers(scene.patch_size, fill, scene.grains.count, random)
+        return lowest_lattice_points(fill, scene.grains.count, random)
+    assert scene.periods_xy is not None
+    return grain_layers_of_patch(scene.periods_xy, fill, scene.grains.count, random)
 
 
-def patch_layers(size: tuple[float, float], fill: Layers, count: int, random: Generator) -> Floats:
+def grain_layers_of_patch(size: tuple[float, float], fill: Layers, count: int, random: Generator) -> Floats:
     """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
     along, across = places_per_layer(size, fill)
     x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
@@ -272,7 +272,7 @@ def places_per_layer(size: tuple[float, float], fill: Layers) -> tuple[int, int]
     return int(size[0] / fill.pitch), int(size[1] / fill.pitch)
 
 
-def first_free(scene: Scene, fill: Rain, radius: Floats, random: Generator) -> Floats:
+def first_free_layer_places(scene: Scene, fill: Rain, radius: Floats, random: Generator) -> Floats:
     """Places of bodies, each at the first point of the layers that is clear of walls and of earlier bodies.
 
     Where the net is wider than all these are its points in turn. Raises BadInput where one finds none.
@@ -284,7 +284,7 @@ def first_free(scene: Scene, fill: Rain, radius: Floats, random: Generator) -> F
         while not (fits := free[first:] >= r).any():
             if number - last > MOST_LAYERS:
                 raise BadInput(f"fill: a grain with a reach of {r:g} m finds no place between walls")
-            layer, number = net_layer(fill, number, random), number + 1
+            layer, number = random_square_net(fill, number, random), number + 1
             lowest = layer[:, 2].min(initial=np.inf) - 2.0 * largest
             near = np.flatnonzero(meets[:k] & (place[:k, 2] > lowest))
             gaps = scipy.spatial.distance.cdist(layer, place[near]) - radius[near]
@@ -298,7 +298,7 @@ def first_free(scene: Scene, fill: Rain, radius: Floats, random: Generator) -> F
     return place
 
 
-def net_layer(fill: Rain, number: int, random: Generator) -> Floats:
+def random_square_net(fill: Rain, number: int, random: Generator) -> Floats:
     """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 3] m."""
     angle, shift = random.uniform(0.0, 0.5 * pi), random.uniform(0.0, fill.pitch, 2)
     reach = int(fill.radius / fill.pitch * sqrt(2.0)) + 2
@@ -311,14 +311,14 @@ def net_layer(fill: Rain, number: int, random: Generator) -> Floats:
     return np.column_stack([points, lift]) + np.array(fill.axis_point)
 
 
-def lattice(fill: Lattice, count: int, random: Generator) -> Floats:
+def lowest_lattice_points(fill: Lattice, count: int, random: Generator) -> Floats:
     """The lowest `count` jittered points of a cubic net inside a cylinder, [count, 3] m."""
-    points = lattice_points(fill)
+    points = cubic_lattice(fill)
     points = points[np.argsort(points[:, 2], kind="stable")][:count]
     return points + fill.jitter * random.uniform(-1.0, 1.0, points.shape)
 
 
-def lattice_points(fill: Lattice) -> Floats:
+def cubic_lattice(fill: Lattice) -> Floats:
     """Points of the cubic net that stay inside the cylinder when jittered, [n, 3] m."""
     axis = np.array(unit_vector(fill.axis))
     margin = sqrt(3.0) * fill.jitter
@@ -340,7 +340,7 @@ def box_of(fill: Lattice) -> Vector:
     return x, y, z
 
 
-def start_top(scene: Scene, reach_largest: float) -> float:
+def top_of_start(scene: Scene, reach_largest: float) -> float:
     """Highest point at which a grain can start [m]; `reach_largest` bounds the grains' radii."""
     fill = scene.fill
     if isinstance(fill, Positions):
@@ -353,8 +353,8 @@ def start_top(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Lattice):
         return fill.centre[2] + box_of(fill)[2] + reach_largest
     if isinstance(fill, Layers):
-        assert scene.patch_size is not None
-        along, across = places_per_layer(scene.patch_size, fill)
+        assert scene.periods_xy is not None
+        along, across = places_per_layer(scene.periods_xy, fill)
         return fill.first_height + (scene.grains.count / (along * across) + 1.0) * fill.pitch + reach_largest
     # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
     layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0
@@ -362,7 +362,7 @@ def start_top(scene: Scene, reach_largest: float) -> float:
 
 
 @lru_cache(maxsize=1)
-def read_bed(path: Path, _written: float) -> tuple[Arrays, dict[str, Any]]:
+def read_bed_checkpoint(path: Path, _written: float) -> tuple[Arrays, dict[str, Any]]:
     """State and meta of a checkpoint, kept until the file is written again."""
     return load_checkpoint(path)
 
@@ -373,11 +373,11 @@ def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
     The replica has the same place as that of the seed; fewer of them serve in turn. Raises BadInput.
     """
     path = scene.folder / fill.file
-    state, meta = read_bed(path, path.stat().st_mtime if path.is_file() else 0.0)
+    state, meta = read_bed_checkpoint(path, path.stat().st_mtime if path.is_file() else 0.0)
     before: dict[str, Any] = meta.get("scene", {"grains": {}})
     wind, patch = before.get("wind"), before.get("domain", {}).get("period")
     patch = [wind["length"], wind["width"]] if wind else patch
-    if before["grains"] != resolve(scene)["grains"] or patch != (scene.patch_size and [*scene.patch_size]):
+    if before["grains"] != resolve(scene)["grains"] or patch != (scene.periods_xy and [*scene.periods_xy]):
         raise BadInput(f"fill.file = '{fill.file}': [grains] or periods differ from those of the checkpoint")
     if scene.grains.clump is not None:
         raise BadInput(f"fill.file = '{fill.file}': a bed consists of spheres; grains.clump must be left out")

@@ -10,13 +10,13 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.preparation import sizes
 from taichi_erosion.scene.preparation.contacts import (
+    effective_young_modulus,
     materials_used,
     shear_modulus,
-    surface_energy,
-    young_effective,
+    simulated_surface_energy,
 )
-from taichi_erosion.scene.preparation.fill import clearing_time, inlet_mesh, mesh_cubes, saved_bed, start_top
-from taichi_erosion.scene.preparation.walls import wall_bounds
+from taichi_erosion.scene.preparation.fill import fall_time, inlet_mesh, mesh_volume, saved_bed, top_of_start
+from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
 from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
@@ -35,47 +35,47 @@ NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
 SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
 
 
-def contact_length(energy: float, radius: float, young: float) -> float:
+def jkr_length_scale(energy: float, radius: float, young: float) -> float:
     """Length scale of a JKR contact [m]:  L = (pi gamma R*^2 / E*)^(1/3)."""
     return (pi * energy * radius**2 / young) ** (1.0 / 3.0)
 
 
-def tear_off_distance(energy: float, radius: float, young: float) -> float:
+def jkr_tear_off_distance(energy: float, radius: float, young: float) -> float:
     """Separation at which a JKR contact breaks [m]:  1.19055 L^2 / R*."""
-    return TEAR_OFF * contact_length(energy, radius, young) ** 2 / radius
+    return TEAR_OFF * jkr_length_scale(energy, radius, young) ** 2 / radius
 
 
-def sticking_speed(energy: float, radius: float, young: float, mass: float) -> float:
+def jkr_sticking_speed(energy: float, radius: float, young: float, mass: float) -> float:
     """Speed below which an otherwise elastic impact sticks [m s-1].
 
     m* v_s^2 / 2 = 3.34129 pi gamma L^2,  so  e(v) = sqrt(1 - (v_s / v)^2)
     gamma surface energy [J m-2], m* reduced mass [kg], L contact length [m].
     Reference: Thornton & Ning (1998), Powder Technology 99, 154.
     """
-    return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * contact_length(energy, radius, young) ** 2 / mass)
+    return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * jkr_length_scale(energy, radius, young) ** 2 / mass)
 
 
-def adhesion(scene: Scene) -> dict[str, float] | None:
+def largest_adhesion_numbers(scene: Scene) -> dict[str, float] | None:
     """Adhesion numbers of two grains of the nominal diameter, of the kind that sticks most; None without.
 
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
     the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
     """
-    pairs = [adhesion_of(scene, name) for name in scene.grains.parts]
+    pairs = [adhesion_numbers_of_kind(scene, name) for name in scene.grains.parts]
     return max((each for each in pairs if each), key=lambda each: each["bond_number"], default=None)
 
 
-def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
+def adhesion_numbers_of_kind(scene: Scene, name: str) -> dict[str, float] | None:
     """Adhesion numbers of one kind of grains."""
-    material, contact = scene.materials[name], scene.contact_of(name, name)
+    material, contact = scene.materials[name], scene.contact_of_materials(name, name)
     if contact is None or contact.surface_energy <= 0.0 or scene.laws.normal != "jkr":
         return None
-    energy = surface_energy(scene.grains, contact, material, material)
+    energy = simulated_surface_energy(scene.grains, contact, material, material)
     diameter, gravity = sizes.nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
-    young = young_effective(material, material)
+    young = effective_young_modulus(material, material)
     strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
-    volume = scene.grains.count * pi / 6.0 * sizes.grain_cube(scene) / SOLID_FRACTION
+    volume = scene.grains.count * pi / 6.0 * sizes.scene_mean_cubed_diameter(scene) / SOLID_FRACTION
     height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
     heap_stress = SOLID_FRACTION * material.density * gravity * height
     pull, cohesion = 3.0 * pi * energy * radius, strength * contact.friction_sliding
@@ -84,8 +84,8 @@ def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
         "pull_off_force": pull,  # N, 3 pi gamma R*
         "bond_number": pull / (mass * gravity) if gravity > 0.0 else 0.0,  # pull-off force over weight [1]
         "tensile_strength": strength,  # Pa, sigma_t
-        "sticking_speed": sticking_speed(energy, radius, young, 0.5 * mass),  # m s-1
-        "tear_off_distance": tear_off_distance(energy, radius, young),  # m
+        "sticking_speed": jkr_sticking_speed(energy, radius, young, 0.5 * mass),  # m s-1
+        "tear_off_distance": jkr_tear_off_distance(energy, radius, young),  # m
         # sigma_t tan(phi_i) / (rho_b g H) [1]
         "cohesion_over_heap_stress": cohesion / heap_stress if gravity > 0.0 else 0.0,
     }
@@ -118,11 +118,11 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
 
 def inlet_warnings(scene: Scene) -> Iterator[str]:
     """Sentences about inlets that cannot keep their rate: layers of grains fall clear of each other."""
-    width = sizes.grain_cube(scene) ** (1.0 / 3.0)
+    width = sizes.scene_mean_cubed_diameter(scene) ** (1.0 / 3.0)
     for path, inlet in scene.fill.parts.items() if isinstance(scene.fill, Pour) else ():
         mesh = inlet_mesh(scene, path, inlet)
-        clear = clearing_time(inlet, 0.5 * sizes.size_range(scene.grains)[1], scene.gravity.magnitude, mesh)
-        room = mesh_cubes(mesh) / width**3 if inlet.mesh else inlet.area(width) / (0.25 * pi * width**2)
+        clear = fall_time(inlet, 0.5 * sizes.size_range(scene.grains)[1], scene.gravity.magnitude, mesh)
+        room = mesh_volume(mesh) / width**3 if inlet.mesh else inlet.area(width) / (0.25 * pi * width**2)
         most = inlet.coverage * room / clear
         mean = scene.grain_density * pi / 6.0 * width**3
         rate = inlet.rate or (inlet.mass_rate or 0.0) / mean
@@ -164,7 +164,7 @@ def impact_overlap(mass: float, radius: float, young: float, speed: float) -> fl
 def smallest_radii(scene: Scene) -> dict[str, float]:
     """Radius of the smallest contact sphere that the scene can make [m], by material of the grains."""
     clump = scene.grains.clump
-    share = min(radius for _, radius in sizes.template_spheres(clump)) if clump else sizes.SPHERE_REACH
+    share = min(radius for _, radius in sizes.spheres_of_clump(clump)) if clump else sizes.SPHERE_REACH
     least = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
     if isinstance(scene.fill, Positions):
         rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
@@ -197,13 +197,13 @@ def expected_speed(scene: Scene) -> float:
 
     v = sqrt(v_0^2 + 2 g h)
     """
-    top = start_top(scene, 0.5 * sizes.size_range(scene.grains)[1])
-    bottom = min((float(wall_bounds(scene, name)[0, 2]) for name in scene.geometry), default=top)
+    top = top_of_start(scene, 0.5 * sizes.size_range(scene.grains)[1])
+    bottom = min((float(bounding_box_of_wall(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
-    speeds = [sqrt(start_speed(scene) ** 2 + fall)]
+    speeds = [sqrt(initial_grain_speed(scene) ** 2 + fall)]
     for stage in scene.stages:
         for name, order in stage.move.items():
-            arm = float(abs(wall_bounds(scene, name) - order.centre).max())
+            arm = float(abs(bounding_box_of_wall(scene, name) - order.centre).max())
             servo = 0.0 if order.force is None else order.fastest
             servo += 0.0 if order.torque is None else order.fastest * arm
             for row in order.table or [(0.0, *order.velocity, *order.spin)]:
@@ -211,7 +211,7 @@ def expected_speed(scene: Scene) -> float:
     return max(speeds)
 
 
-def start_speed(scene: Scene) -> float:
+def initial_grain_speed(scene: Scene) -> float:
     """Speed with which grains start [m s-1]; three standard deviations where it is random."""
     fill = scene.fill
     if isinstance(fill, Positions):
@@ -223,28 +223,28 @@ def start_speed(scene: Scene) -> float:
     return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * sizes.nominal_diameter(scene.grains))
 
 
-def smallest_impacts(scene: Scene) -> Iterator[tuple[str, float, float, float]]:
+def smallest_grains_of_kinds(scene: Scene) -> Iterator[tuple[str, float, float, float]]:
     """Of the smallest grains of each kind: material, radius [m], mass [kg], effective modulus [Pa]."""
     for name, radius in smallest_radii(scene).items():
         material = scene.materials[name]
         mass = material.density * 4.0 / 3.0 * pi * radius**3
-        yield name, radius, mass, young_effective(material, material)
+        yield name, radius, mass, effective_young_modulus(material, material)
 
 
-def limits(scene: Scene) -> dict[str, float | None]:
+def time_step_limits(scene: Scene) -> dict[str, float | None]:
     """Limits of the time step [s]; None where one does not apply."""
-    speed, least = expected_speed(scene), list(smallest_impacts(scene))
+    speed, least = expected_speed(scene), list(smallest_grains_of_kinds(scene))
     times: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
     times["rayleigh_time"] = grain_rayleigh_time(scene)
     if speed > 0.0:
         impacts = (impact_duration(0.5 * mass, 0.5 * r, young, speed) for _, r, mass, young in least)
         times["hertz"] = HERTZ_SHARE * min(impacts)
-        times["jkr_neck"] = neck_limit(scene, speed)
+        times["jkr_neck"] = neck_crossing_time(scene, speed)
         times["speed"] = SPEED_SHARE * min(radius for _, radius, _, _ in least) / speed
     return times
 
 
-def neck_limit(scene: Scene, speed: float) -> float | None:
+def neck_crossing_time(scene: Scene, speed: float) -> float | None:
     """Shortest time to cross the range of adhesion, over all adhesive pairs with a grain in them [s].
 
     dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between equal grains, R at a
@@ -253,13 +253,13 @@ def neck_limit(scene: Scene, speed: float) -> float | None:
     radii, times = smallest_radii(scene), []
     pairs = [(grain, other) for grain in radii for other in materials_used(scene)]
     for grain, other in pairs if scene.laws.normal == "jkr" else []:
-        contact, radius = scene.contact_of(grain, other), radii[grain]
+        contact, radius = scene.contact_of_materials(grain, other), radii[grain]
         a, b = scene.materials[grain], scene.materials[other]
-        energy = surface_energy(scene.grains, contact, a, b) if contact else 0.0
-        reduced = [radius] if other in scene.wall_materials else []
+        energy = simulated_surface_energy(scene.grains, contact, a, b) if contact else 0.0
+        reduced = [radius] if other in scene.wall_material_names else []
         reduced += [radius * radii[other] / (radius + radii[other])] if other in radii else []
         for size in reduced if energy > 0.0 else []:
-            times.append(tear_off_distance(energy, size, young_effective(a, b)) / speed)
+            times.append(jkr_tear_off_distance(energy, size, effective_young_modulus(a, b)) / speed)
     return NECK_SHARE * min(times) if times else None
 
 
@@ -276,7 +276,7 @@ def time_step_warnings(chosen: float, limit: dict[str, float | None]) -> Iterato
             yield f"time step {chosen:.3g} s exceeds {bound:.3g} s: {text}"
 
 
-def softening_lines(scene: Scene) -> list[str]:
+def softening_sentences(scene: Scene) -> list[str]:
     """Softened materials: by how much, and which quantity is kept."""
     lines = []
     for name, material in sorted(scene.materials.items()):
@@ -289,7 +289,7 @@ def softening_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def coarse_graining_lines(grains: Grains) -> list[str]:
+def coarse_graining_sentences(grains: Grains) -> list[str]:
     """Grains larger than the true ones: by how much, and which quantity is kept."""
     if grains.coarse_graining is None:
         return []
@@ -300,7 +300,7 @@ def coarse_graining_lines(grains: Grains) -> list[str]:
     ]
 
 
-def rolling_lines(scene: Scene) -> list[str]:
+def rolling_friction_sentences(scene: Scene) -> list[str]:
     """Rolling friction over R* where a rolling law acts, and what EDEM calls it.
 
     The limiting torque is mu F R* here, and mu F R_i on grain i in EDEM's standard model; R* = R / 2 between
@@ -308,7 +308,7 @@ def rolling_lines(scene: Scene) -> list[str]:
     """
     grains, lines = set(scene.grains.parts), []
     for pair, contact in sorted(scene.contact.items()):
-        reduced, ends = contact.friction_rolling * contact.rolling_share, set(pair.split("-"))
+        reduced, ends = contact.friction_rolling * contact.rolling_lever, set(pair.split("-"))
         if scene.laws.rolling == "none" or reduced == 0.0 or not ends & grains:
             continue
         full, which = (reduced / 2.0, " (equal grains)") if ends <= grains else (reduced, "")
@@ -316,23 +316,23 @@ def rolling_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def kind_lines(scene: Scene) -> list[str]:
+def grain_kind_sentences(scene: Scene) -> list[str]:
     """Kinds of grains with their numbers, and pairs of them whose contact is mixed."""
     if not scene.grains.kinds:
         return []
-    counts = sizes.kind_counts(scene)
+    counts = sizes.grain_count_of_kinds(scene)
     lines = [f"{name}: {count:,} grains" for name, count in counts.items()]
     for a, b in combinations(counts, 2):
-        contact = scene.contact_of(a, b)
+        contact = scene.contact_of_materials(a, b)
         if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):
             words = f"restitution {contact.restitution:.3g}, friction_sliding {contact.friction_sliding:.3g}"
             lines.append(f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {words}")
     return lines
 
 
-def explain(scene: Scene) -> dict[str, Any]:
+def step_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
-    limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
+    limit, chosen, sticking = time_step_limits(scene), time_step(scene), largest_adhesion_numbers(scene)
     low, high = sizes.size_range(scene.grains)
     return {
         "time_step": chosen,
@@ -341,9 +341,9 @@ def explain(scene: Scene) -> dict[str, Any]:
         "expected_speed": expected_speed(scene),
         "diameter": {"low": low, "nominal": sizes.nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
-        "softening": softening_lines(scene),
-        "rolling": rolling_lines(scene),
-        "kinds": [*coarse_graining_lines(scene.grains), *kind_lines(scene)],
+        "softening": softening_sentences(scene),
+        "rolling": rolling_friction_sentences(scene),
+        "kinds": [*coarse_graining_sentences(scene.grains), *grain_kind_sentences(scene)],
         "adhesion": sticking,
         "warnings": [
             *time_step_warnings(chosen, limit),
@@ -354,7 +354,7 @@ def explain(scene: Scene) -> dict[str, Any]:
     }
 
 
-def refuse_unsafe_step(scene: Scene) -> None:
+def refuse_too_long_time_step(scene: Scene) -> None:
     """Raise BadInput where the time step exceeds 0.3 Rayleigh times and is not forced."""
     rayleigh, chosen = grain_rayleigh_time(scene), time_step(scene)
     if chosen > RAYLEIGH_REFUSED * rayleigh and not scene.run.force_time_step:

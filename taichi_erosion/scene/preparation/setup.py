@@ -6,12 +6,12 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, Laws, Setup, Surface
-from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
+from taichi_erosion.scene.preparation.air import HEADROOM, air_over_patch, coupling_of_patch
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, saved_bed, stream
 from taichi_erosion.scene.preparation.limits import time_step
-from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
-from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, motions, primitive_table
+from taichi_erosion.scene.preparation.sizes import Body, reach_ratio, spheres_of_clump, union_body
+from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, primitive_table, wall_motions
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Positions
 from taichi_erosion.scene.schema.scene import Scene
@@ -26,10 +26,10 @@ def laws(scene: Scene) -> Laws:
     return chosen if scene.wind is None else replace(chosen, drag=scene.wind.drag)
 
 
-def build_setup(scene: Scene, seed: int) -> Setup:
+def replica_setup(scene: Scene, seed: int) -> Setup:
     """Everything that defines one replica; the same scene and seed give the same bits."""
-    body = quadrature(template_spheres(scene.grains.clump)) if scene.grains.clump else None
-    start = initial_bodies(scene, seed, reach_over_diameter(scene.grains))
+    body = union_body(spheres_of_clump(scene.grains.clump)) if scene.grains.clump else None
+    start = initial_bodies(scene, seed, reach_ratio(scene.grains))
     names = materials_used(scene)
     material = np.array([names.index(name) for name in scene.grains.parts], dtype=np.int32)[start.kind]
     density = np.array([each.density for each in scene.grain_materials.values()])[start.kind]
@@ -53,24 +53,24 @@ def build_setup(scene: Scene, seed: int) -> Setup:
         period=(*(scene.domain.period or (0.0, 0.0)), 0.0),
         domain=domain_box(scene, grains.position, float(grains.radius.max())),
         removes_outside=has_open_domain(scene, primitives),
-        tables=tuple(dict.fromkeys(each.table for each in motions(scene) if each.table)),
-        has_servos=any(each.servo for each in motions(scene)),
+        tables=tuple(dict.fromkeys(each.table for each in wall_motions(scene) if each.table)),
+        has_servos=any(each.servo for each in wall_motions(scene)),
         overlap_limit=scene.run.overlap_limit,
         skin=scene.run.skin,
         bed=saved_bed(scene, scene.fill, seed) if isinstance(scene.fill, Bed) else None,
     )
-    return setup if scene.wind is None else under_wind(setup, scene, scene.wind, seed)
+    return setup if scene.wind is None else add_wind_to_setup(setup, scene, scene.wind, seed)
 
 
-def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
+def add_wind_to_setup(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
     """The same grains in a periodic patch with air."""
     below = -10.0 * float(setup.grains.radius.max())
     return replace(
         setup,
         domain=((0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)),
         period=(wind.length, wind.width, 0.0),
-        air=patch_air(scene, wind, setup.time_step, seed),
-        coupling=patch_coupling(scene, wind, seed),
+        air=air_over_patch(scene, wind, setup.time_step, seed),
+        coupling=coupling_of_patch(scene, wind, seed),
     )
 
 
@@ -87,7 +87,7 @@ def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainT
     )
 
 
-def joined_grains(before: GrainTable, old_count: int, new: GrainTable) -> GrainTable:
+def append_grains_by_release(before: GrainTable, old_count: int, new: GrainTable) -> GrainTable:
     """A table of whose grains some have begun, and new ones: the others by the time of their release."""
     times = np.concatenate([np.full(old_count, -np.inf), before.release_time[old_count:], new.release_time])
     rows, pairs = (

@@ -31,7 +31,7 @@ Sphere = tuple[Vector, float]
 
 
 @cache
-def table_rows(name: str) -> tuple[SieveRow, ...]:
+def read_sieve_table(name: str) -> tuple[SieveRow, ...]:
     """Rows of a shipped sieve table: low [m], high [m], mass."""
     folder = files("taichi_erosion.scene") / "tables"
     names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir())
@@ -41,12 +41,12 @@ def table_rows(name: str) -> tuple[SieveRow, ...]:
     return tuple((float(low), float(high), float(mass)) for low, high, mass in tomllib.loads(content)["rows"])
 
 
-def sieve_classes(size: Sieve) -> Floats:
+def sieve_size_classes(size: Sieve) -> Floats:
     """Size classes after cutting and scaling, [classes, 3]: low [m], high [m], share of the mass [1].
 
     Mass is uniform over ln d inside a class, so a cut keeps ln(b'/a') / ln(b/a) of its mass.
     """
-    rows = size.rows or table_rows(size.table or "")
+    rows = size.rows or read_sieve_table(size.table or "")
     low, high = size.low or 0.0, size.high or np.inf
     cut_rows = []
     for a, b, mass in rows:
@@ -69,7 +69,7 @@ def size_range(size: Size | Grains) -> tuple[float, float]:
         return size.diameter, size.diameter
     if isinstance(size, Lognormal):
         return size.low, size.high
-    classes = sieve_classes(size)
+    classes = sieve_size_classes(size)
     return float(classes[0, 0]), float(classes[-1, 1])
 
 
@@ -85,7 +85,7 @@ def nominal_diameter(size: Size | Grains) -> float:
         return size.diameter
     if isinstance(size, Lognormal):
         return size.median
-    classes = sieve_classes(size)
+    classes = sieve_size_classes(size)
     below = np.concatenate([[0.0], np.cumsum(classes[:, 2])])
     row = min(int(np.searchsorted(below, 0.5)) - 1, len(classes) - 1)
     low, high, share = classes[row]
@@ -97,11 +97,11 @@ def sample_diameters(size: Size, count: int, generator: np.random.Generator) -> 
     if isinstance(size, Monodisperse):
         return np.full(count, size.diameter)
     if isinstance(size, Lognormal):
-        return sample_lognormal(size, generator.random(count))
-    return sample_sieve(sieve_classes(size), generator.random(count), generator.random(count))
+        return lognormal_quantile(size, generator.random(count))
+    return sieve_quantile(sieve_size_classes(size), generator.random(count), generator.random(count))
 
 
-def sample_lognormal(size: Lognormal, quantile: Floats) -> Floats:
+def lognormal_quantile(size: Lognormal, quantile: Floats) -> Floats:
     """Inverse of the truncated lognormal distribution of numbers [m]."""
     if size.sigma_log == 0.0:
         return np.full(len(quantile), size.median)
@@ -111,7 +111,7 @@ def sample_lognormal(size: Lognormal, quantile: Floats) -> Floats:
     return np.clip(size.median * np.exp(size.sigma_log * deviate), size.low, size.high)
 
 
-def sample_sieve(classes: Floats, quantile_class: Floats, quantile: Floats) -> Floats:
+def sieve_quantile(classes: Floats, quantile_class: Floats, quantile: Floats) -> Floats:
     """Diameters whose masses follow a sieve curve [m].
 
     Mass uniform over ln d means numbers proportional to d^-3 per ln d: class [a, b] with share w of the mass
@@ -130,12 +130,12 @@ def mean_cube(size: Size) -> float:
     if isinstance(size, Monodisperse):
         return size.diameter**3
     if isinstance(size, Lognormal):
-        return lognormal_cube(size)
-    low, high, share = sieve_classes(size).T
+        return lognormal_mean_cube(size)
+    low, high, share = sieve_size_classes(size).T
     return 1.0 / float(np.sum(share * (low**-3 - high**-3) / (3.0 * np.log(high / low))))
 
 
-def number_shares(scene: Scene) -> dict[str, float]:
+def kind_shares(scene: Scene) -> dict[str, float]:
     """Shares of the number of grains by kind [1], from shares of the mass: n ~ w / (rho E[d^3])."""
     weights = {
         name: part.share / (scene.materials[name].density * mean_cube(part.size))
@@ -144,19 +144,19 @@ def number_shares(scene: Scene) -> dict[str, float]:
     return {name: weight / sum(weights.values()) for name, weight in weights.items()}
 
 
-def grain_cube(scene: Scene) -> float:
+def scene_mean_cubed_diameter(scene: Scene) -> float:
     """Mean of d^3 over the grains of a scene [m3]."""
     parts = scene.grains.parts
-    return sum(share * mean_cube(parts[name].size) for name, share in number_shares(scene).items())
+    return sum(share * mean_cube(parts[name].size) for name, share in kind_shares(scene).items())
 
 
-def kind_counts(scene: Scene) -> dict[str, int]:
+def grain_count_of_kinds(scene: Scene) -> dict[str, int]:
     """Numbers of grains by kind; they add up to the count of the scene."""
-    edges = np.rint(scene.grains.count * np.cumsum([0.0, *number_shares(scene).values()])).astype(int)
+    edges = np.rint(scene.grains.count * np.cumsum([0.0, *kind_shares(scene).values()])).astype(int)
     return dict(zip(scene.grains.parts, np.diff(edges).tolist(), strict=True))
 
 
-def lognormal_cube(size: Lognormal) -> float:
+def lognormal_mean_cube(size: Lognormal) -> float:
     """Mean of d^3 of a truncated lognormal distribution [m3].
 
     E[d^3] = D^3 exp(9 s^2 / 2) [Phi(b - 3 s) - Phi(a - 3 s)] / [Phi(b) - Phi(a)]
@@ -186,7 +186,7 @@ class Body:
     reach: float  # distance from the centre of mass to the farthest surface point
 
 
-def template_spheres(clump: Clump) -> tuple[Sphere, ...]:
+def spheres_of_clump(clump: Clump) -> tuple[Sphere, ...]:
     """Spheres of a template; a shipped one has n equal touching spheres and the volume of one of diameter d.
 
     n (2 r)^3 = 1, so r = n^(-1/3) / 2; neighbours are 2 r apart.
@@ -199,13 +199,13 @@ def template_spheres(clump: Clump) -> tuple[Sphere, ...]:
     return tuple(((x, y, z), radius) for x, y, z in (corners * stretch).tolist())
 
 
-def reach_over_diameter(grains: Grains) -> float:
+def reach_ratio(grains: Grains) -> float:
     """Bounding radius of a grain over its nominal diameter [1]."""
-    return quadrature(template_spheres(grains.clump)).reach if grains.clump else SPHERE_REACH
+    return union_body(spheres_of_clump(grains.clump)).reach if grains.clump else SPHERE_REACH
 
 
 @lru_cache(maxsize=MOST_BODIES)
-def quadrature(spheres: tuple[Sphere, ...]) -> Body:
+def union_body(spheres: tuple[Sphere, ...]) -> Body:
     """Volume, centre and inertia of a union of spheres, by counting cells with their centre in any sphere.
 
     I = sum over cells of h^3 [(x.x) 1 - x x^T] + V h^2 / 6, x from the centre of mass, h the cell size;
@@ -215,7 +215,7 @@ def quadrature(spheres: tuple[Sphere, ...]) -> Body:
     radius = np.array([r for _, r in spheres])
     low, high = (centres - radius[:, None]).min(axis=0), (centres + radius[:, None]).max(axis=0)
     cell = float((high - low).max()) / VOXELS_ACROSS
-    points = union_cells(centres, radius, low, high, cell)
+    points = cells_inside_spheres(centres, radius, low, high, cell)
     volume = len(points) * cell**3
     centre = points.mean(axis=0)
     second = (points - centre).T @ (points - centre) * cell**3
@@ -229,7 +229,7 @@ def quadrature(spheres: tuple[Sphere, ...]) -> Body:
     return Body(offset, radius, volume, moments, centre, turned, reach)
 
 
-def union_cells(centres: Floats, radius: Floats, low: Floats, high: Floats, cell: float) -> Floats:
+def cells_inside_spheres(centres: Floats, radius: Floats, low: Floats, high: Floats, cell: float) -> Floats:
     """Centres of the cells inside the union, [cells, 3]; cells lie evenly about the middle of the box."""
     middle, counts = 0.5 * (low + high), np.ceil((high - low) / cell).astype(int)
     x, y, z = (middle[k] + (np.arange(n) - 0.5 * (n - 1)) * cell for k, n in enumerate(counts))

@@ -32,9 +32,9 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
 
     The margin leaves room for a spreading heap.
     """
-    boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
-    low = np.min(boxes, axis=0)[0] + travel(scene, np.minimum)
-    high = np.max(boxes, axis=0)[1] + travel(scene, np.maximum)
+    boxes = [bounding_box_of_wall(scene, name) for name in scene.geometry] + [box_of_points(centres)]
+    low = np.min(boxes, axis=0)[0] + farthest_wall_shift(scene, np.minimum)
+    high = np.max(boxes, axis=0)[1] + farthest_wall_shift(scene, np.maximum)
     is_open = any(isinstance(wall, Plane) for wall in scene.geometry.values())
     share = MARGIN_OPEN if is_open else MARGIN_CLOSED
     least = MARGIN_RADII_OPEN if is_open else MARGIN_RADII
@@ -47,7 +47,7 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
     return (x, y, z), (a, b, c)
 
 
-def travel(scene: Scene, extreme: np.ufunc) -> Floats:
+def farthest_wall_shift(scene: Scene, extreme: np.ufunc) -> Floats:
     """Farthest shift of a wall along each coordinate, towards the low or the high side [m].
 
     That of servos, which press against grains, is left out.
@@ -59,20 +59,20 @@ def travel(scene: Scene, extreme: np.ufunc) -> Floats:
         orders |= {k: (order, reached.get(k, np.zeros(3)), 0.0) for k, order in stage.move.items()}
         for name, (order, before, time) in orders.items():
             orders[name] = order, before, time + stage.duration_max
-            path = before + shifts(order, time + stage.duration_max)
+            path = before + tabulated_wall_shifts(order, time + stage.duration_max)
             reached[name] = path[-1]
             farthest = extreme(farthest, extreme.reduce(path))
     return farthest
 
 
-def shifts(order: Movement, duration: float) -> Floats:
+def tabulated_wall_shifts(order: Movement, duration: float) -> Floats:
     """Shifts of a moved wall [n, 3] m at the times of its table, and at the end of a duration [s]."""
     rows = np.array(order.table or [(time, *order.velocity, *order.spin) for time in (0.0, duration)])
     time, velocity = np.append(rows[:, 0], max(duration, rows[-1, 0])), np.vstack([rows, rows[-1:]])[:, 1:4]
     return np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)[:, np.newaxis], axis=0)
 
 
-def motion_of(order: Movement) -> Motion:
+def motion_of_wall_order(order: Movement) -> Motion:
     """Motion of a wall as a stage orders it."""
     target, servo = order.force if order.torque is None else order.torque, None
     if target is not None:
@@ -80,16 +80,16 @@ def motion_of(order: Movement) -> Motion:
     return Motion(order.velocity, order.spin, order.centre, order.table, servo)
 
 
-def motions(scene: Scene) -> list[Motion]:
+def wall_motions(scene: Scene) -> list[Motion]:
     """Motions of walls in all stages."""
-    return [motion_of(order) for stage in scene.stages for order in stage.move.values()]
+    return [motion_of_wall_order(order) for stage in scene.stages for order in stage.move.values()]
 
 
 def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
     """Primitives of the named walls, in that order."""
     kinds, surfaces, shapes = [], [], []
     for surface, name in enumerate(names):
-        for kind, numbers in wall_rows(scene, name):
+        for kind, numbers in primitives_of_wall(scene, name):
             kinds.append(kind)
             surfaces.append(surface)
             shapes.append(numbers + (0.0,) * (SHAPE_NUMBERS - len(numbers)))
@@ -97,7 +97,7 @@ def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
     return PrimitiveTable(np.array(kinds, dtype=np.int32), np.array(surfaces, dtype=np.int32), shape)
 
 
-def wall_rows(scene: Scene, name: str) -> list[Row]:
+def primitives_of_wall(scene: Scene, name: str) -> list[Row]:
     """Primitives of one wall."""
     wall = scene.geometry[name]
     if isinstance(wall, Plane):
@@ -111,15 +111,15 @@ def wall_rows(scene: Scene, name: str) -> list[Row]:
             rows.append((PrimitiveKind.PLANE, (*(wall.low if face.endswith("low") else wall.high), *inwards)))
         return rows
     if isinstance(wall, Mesh):
-        triangles = mesh_triangles(scene, f"geometry.{name}", wall).reshape(-1, 9)
+        triangles = read_mesh_triangles(scene, f"geometry.{name}", wall).reshape(-1, 9)
         return [(PrimitiveKind.TRIANGLE, tuple(corners)) for corners in triangles.tolist()]
-    return [(PrimitiveKind.REVOLVED, numbers) for numbers in revolved_rows(wall)]
+    return [(PrimitiveKind.REVOLVED, numbers) for numbers in surface_of_revolution_rows(wall)]
 
 
 def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
     """Distance of points [n, 3] m from a wall, [n] m; inf from a mesh, negative behind a plane."""
     distance = np.full(len(points), np.inf)
-    for kind, row in wall_rows(scene, name) if not isinstance(scene.geometry[name], Mesh) else ():
+    for kind, row in primitives_of_wall(scene, name) if not isinstance(scene.geometry[name], Mesh) else ():
         arm, axis = points - row[:3], np.array(row[3:6])
         along = arm @ axis
         if kind == PrimitiveKind.REVOLVED:  # a segment in the plane of radius and height
@@ -131,7 +131,7 @@ def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
     return distance
 
 
-def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ...]]:
+def surface_of_revolution_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ...]]:
     """Segments turned about an axis: axis point, unit axis, radius and height of both ends."""
     if isinstance(wall, Funnel):
         r, stem = wall.outlet_radius, wall.stem_length
@@ -145,7 +145,7 @@ def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ..
     return [(*axis, wall.radius_low, 0.0, wall.radius_high, wall.length)]
 
 
-def mesh_triangles(scene: Scene, path: str, mesh: Hull) -> Floats:
+def read_mesh_triangles(scene: Scene, path: str, mesh: Hull) -> Floats:
     """Corners of a mesh file's triangles, [t, 3, 3] m; `path` names the mesh in the scene."""
     # the import takes a third of a second, which scenes without meshes are spared
     import trimesh
@@ -169,8 +169,8 @@ def closed_mesh(scene: Scene, path: str, mesh: Hull) -> Floats:
     """Triangles [t, 3, 3] m of a mesh that has an inside. Raises BadInput where it has none."""
     import trimesh
 
-    triangles = mesh_triangles(scene, path, mesh)
-    sides = np.ptp(bounds_of(triangles), axis=0)
+    triangles = read_mesh_triangles(scene, path, mesh)
+    sides = np.ptp(box_of_points(triangles), axis=0)
     solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles / sides.max()))
     is_closed = solid.is_watertight and solid.is_winding_consistent
     if not is_closed or abs(solid.volume) < FLAT * np.prod(sides / sides.max()):
@@ -179,7 +179,7 @@ def closed_mesh(scene: Scene, path: str, mesh: Hull) -> Floats:
     return triangles
 
 
-def depths(triangles: Floats, points: Floats) -> Floats:
+def mesh_depths(triangles: Floats, points: Floats) -> Floats:
     """Depth of points [n, 3] m inside a closed mesh [n] m, 0 outside, where solid angles W add up to nothing.
 
         tan(W / 2) = a . (b x c) / (|a| |b| |c| + (a . b) |c| + (b . c) |a| + (c . a) |b|)
@@ -200,25 +200,25 @@ def depths(triangles: Floats, points: Floats) -> Floats:
     return depth
 
 
-def wall_bounds(scene: Scene, name: str) -> Floats:
+def bounding_box_of_wall(scene: Scene, name: str) -> Floats:
     """Low and high corner [2, 3] m of the box around a wall; of a plane, only its point."""
     wall = scene.geometry[name]
     if isinstance(wall, Plane):
-        return bounds_of(np.array([wall.point]))
+        return box_of_points(np.array([wall.point]))
     if isinstance(wall, Box):
-        return bounds_of(np.array([wall.low, wall.high]))
+        return box_of_points(np.array([wall.low, wall.high]))
     if isinstance(wall, Mesh):
-        return bounds_of(mesh_triangles(scene, f"geometry.{name}", wall))
+        return box_of_points(read_mesh_triangles(scene, f"geometry.{name}", wall))
     corners = []  # of a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k
-    for row in revolved_rows(wall):
+    for row in surface_of_revolution_rows(wall):
         point, axis = np.array(row[0:3]), np.array(row[3:6])
         for radius, height in (row[6:8], row[8:10]):
             reach = radius * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
             corners += [point + height * axis - reach, point + height * axis + reach]
-    return bounds_of(np.array(corners))
+    return box_of_points(np.array(corners))
 
 
-def bounds_of(points: Floats) -> Floats:
+def box_of_points(points: Floats) -> Floats:
     """Low and high corner [2, 3] m of the box around points [..., 3] m."""
     points = points.reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)])

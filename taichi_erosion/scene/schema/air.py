@@ -92,7 +92,7 @@ class TableProfile(AirSection):
     speeds: tuple[float, ...] = fields.number(..., "m s-1", "wind speed at each height", 0.0, fields.FASTEST)
 
     @model_validator(mode="after")
-    def _pairs_rise(self) -> "TableProfile":
+    def _require_rising_heights(self) -> "TableProfile":
         if len(self.heights) != len(self.speeds) or len(self.heights) < 2:
             raise fields.contradiction("heights and speeds must be lists of the same length, at least 2")
         if any(b <= a for a, b in zip(self.heights, self.heights[1:], strict=False)):
@@ -162,16 +162,16 @@ class AirScene(SceneFile):
     measured: dict[Name, Measured] = Field({})
 
 
-def box_problems(air: AirBox) -> Iterator[str]:
+def air_box_contradictions(air: AirBox) -> Iterator[str]:
     """Contradictions between entries of a box, one line each, beginning with a dotted path."""
     yield from (f"air.sides.{name} is missing" for name in SIDES if name not in air.sides)
     unknown = [name for name in air.sides if name not in SIDES]
     yield from (f"air.sides.{name} is unknown; allowed: {', '.join(SIDES)}" for name in unknown)
     if set(air.sides) == set(SIDES):
-        yield from list(place_problems(air)) or (*inlet_problems(air), *cell_problems(air))
+        yield from list(misplaced_side_problems(air)) or (*air_inlet_problems(air), *cell_count_problems(air))
 
 
-def place_problems(air: AirBox) -> Iterator[str]:
+def misplaced_side_problems(air: AirBox) -> Iterator[str]:
     """Sides of a kind that cannot stand where they do."""
     allowed = {"inlet": ("x_low", "z_low"), "outlet": ("x_high", "z_high"), "stress": ("z_high",)}
     for name, side in air.sides.items():
@@ -185,7 +185,7 @@ def place_problems(air: AirBox) -> Iterator[str]:
             yield "air.sides.z_low.kind = 'periodic': the air has a floor and a lid"
 
 
-def inlet_problems(air: AirBox) -> Iterator[str]:
+def air_inlet_problems(air: AirBox) -> Iterator[str]:
     """What enters can leave, and is stated."""
     kinds = [side.kind for side in air.sides.values()]
     if "inlet" in kinds and "outlet" not in kinds:
@@ -198,7 +198,7 @@ def inlet_problems(air: AirBox) -> Iterator[str]:
         yield "air.friction_velocity = 0.0, but air.sides.z_high is under stress"
 
 
-def cell_problems(air: AirBox) -> Iterator[str]:
+def cell_count_problems(air: AirBox) -> Iterator[str]:
     """Numbers of cells that fit into memory and suit the pressure solve."""
     if prod(air.cells) > MOST_CELLS:
         yield f"air.cells = {list(air.cells)}: {prod(air.cells)} cells; at most {MOST_CELLS} fit"

@@ -11,8 +11,8 @@ from taichi_erosion.scene.schema.fields import (
     Section,
     contradiction,
     number,
-    unit_of,
-    unknown_key,
+    unit_of_number_field,
+    unknown_key_error,
 )
 from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
@@ -31,7 +31,7 @@ class ExtraCondition(Section):
 
     @field_validator("unit")
     @classmethod
-    def _is_a_unit(cls, unit: str) -> str:
+    def _require_known_unit(cls, unit: str) -> str:
         try:
             parse_scale(unit)
         except UnknownUnit as error:
@@ -39,7 +39,7 @@ class ExtraCondition(Section):
             raise contradiction(f"'{unit}' is not a known unit; {hint}") from None
         return unit
 
-    def in_si(self, value: Any) -> Any:
+    def value_in_si(self, value: Any) -> Any:
         """A value, or an array of values, in SI units."""
         scale = parse_scale(self.unit)
         return scale.origin + scale.factor * value
@@ -73,7 +73,7 @@ class Conditions(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _take_values_of_extra(cls, table: Any) -> Any:
+    def _accept_bare_values(cls, table: Any) -> Any:
         """The table with `NAME = 3.0` taken for the value of [conditions.extra] NAME."""
         if not isinstance(table, dict):
             return table
@@ -84,29 +84,29 @@ class Conditions(Section):
             if key in extra and isinstance(extra[key], dict):
                 extra[key] = {**extra[key], "value": value}
             elif key not in cls.model_fields and key not in extra:
-                raise unknown_key(str(key), [*cls.model_fields, *extra], DECLARE)
+                raise unknown_key_error(str(key), [*cls.model_fields, *extra], DECLARE)
         return fields | ({"extra": extra} if extra else {})
 
     @field_validator("extra")
     @classmethod
-    def _have_names_of_their_own(cls, extra: dict[str, ExtraCondition]) -> dict[str, ExtraCondition]:
+    def _refuse_reserved_names(cls, extra: dict[str, ExtraCondition]) -> dict[str, ExtraCondition]:
         for name in extra:
             if name in cls.model_fields:
-                unit = unit_of(cls.model_fields[name])
+                unit = unit_of_number_field(cls.model_fields[name])
                 raise contradiction(f"{name} is among [conditions] already, in {unit}; state it there")
             if name in OF_SCENE:
                 raise contradiction(f"{name} is a number that effects get from the scene; take another name")
         return extra
 
     @model_serializer(mode="wrap")
-    def _leave_out_no_extra(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _omit_empty_extra(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         table = dump(self)
         if not self.extra:
             table.pop("extra", None)
         return table
 
-    def stated_values(self) -> dict[str, float]:
+    def values_in_si(self) -> dict[str, float]:
         """Conditions that have a value, by name; those of [conditions.extra] in SI units."""
-        extra = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
+        extra = {name: e.value_in_si(e.value) for name, e in self.extra.items() if e.value is not None}
         table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}
         return {name: float(value) for name, value in table.items() if value is not None} | extra

@@ -49,14 +49,14 @@ def contradiction(message: str) -> PydanticCustomError:
     return PydanticCustomError("contradiction", "{message}", {"message": message})
 
 
-def has_direction(vector: Vector) -> Vector:
+def refuse_null_vector(vector: Vector) -> Vector:
     """The vector itself. Raises a contradiction for the null vector."""
     if sum(c * c for c in vector) < 1e-24:
         raise contradiction(f"{list(vector)} has no direction")
     return vector
 
 
-Direction = Annotated[Vector, AfterValidator(has_direction)]
+Direction = Annotated[Vector, AfterValidator(refuse_null_vector)]
 
 
 def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float = inf) -> Any:
@@ -68,32 +68,32 @@ def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float
     return Field(default, description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit, **bounds})
 
 
-def unit_of(field: Any) -> str | None:
+def unit_of_number_field(field: Any) -> str | None:
     """Unit of a field declared by `number`, None for text and sections."""
     extra = field.json_schema_extra
     return extra.get("unit") if isinstance(extra, dict) else None
 
 
-def numbers_in(value: Any) -> Iterator[float]:
+def all_numbers_in(value: Any) -> Iterator[float]:
     """The numbers of a number, of nested lists and tables, or of nothing."""
     if isinstance(value, list | tuple | dict):
         for component in value.values() if isinstance(value, dict) else value:
-            yield from numbers_in(component)
+            yield from all_numbers_in(component)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield value
 
 
-def multiply(value: Any, factor: float) -> Any:
+def multiply_numbers(value: Any, factor: float) -> Any:
     """A number, or a list of numbers, multiplied; None for anything else."""
     if isinstance(value, tuple):
-        parts = tuple(multiply(entry, factor) for entry in value)
+        parts = tuple(multiply_numbers(entry, factor) for entry in value)
         return None if None in parts else parts or None
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) * factor
 
 
-def unknown_key(key: str, keys: Iterable[str], also: str = "") -> PydanticCustomError:
+def unknown_key_error(key: str, keys: Iterable[str], also: str = "") -> PydanticCustomError:
     """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
     near = nearest(key, keys)
     hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(keys)}{also}"
@@ -109,7 +109,7 @@ class Section(BaseModel):
     later: ClassVar[tuple[str, ...]] = ()  # entries that older scenes lack: at their default not in a hash
 
     @model_serializer(mode="wrap")
-    def _leave_out_of_a_hash(self, dump: SerializerFunctionWrapHandler, about: SerializationInfo) -> Any:
+    def _omit_fields_outside_hash(self, dump: SerializerFunctionWrapHandler, about: SerializationInfo) -> Any:
         table = dump(self)
         for name in self.later if about.context == FOR_HASH else ():
             if getattr(self, name) == type(self).model_fields[name].get_default(call_default_factory=True):
@@ -118,27 +118,27 @@ class Section(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _in_si_units(cls, table: Any, about: ValidationInfo) -> Any:
+    def _scale_by_nominal_diameter(cls, table: Any, about: ValidationInfo) -> Any:
         """The table with every `NAME_d` replaced by NAME, times the nominal diameter where it is known."""
         if not isinstance(table, dict):
             return table
         diameter: float | None = (about.context or {}).get(DIAMETER)
         converted = {}
         for key, value in table.items():
-            scaled = multiply(value, diameter) if diameter else None
-            name = cls.scaled_name(str(key)) if scaled is not None else None
+            scaled = multiply_numbers(value, diameter) if diameter else None
+            name = cls.name_without_diameter_suffix(str(key)) if scaled is not None else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
-                raise unknown_key(str(key), cls.model_fields)
+                raise unknown_key_error(str(key), cls.model_fields)
             converted[name or key] = scaled if name else value
         return converted
 
     @classmethod
-    def scaled_name(cls, key: str) -> str | None:
+    def name_without_diameter_suffix(cls, key: str) -> str | None:
         """The length or time that a key gives in nominal diameters, None for any other key."""
         field = cls.model_fields.get(key.removesuffix(DIAMETERS)) if key.endswith(DIAMETERS) else None
-        if field is None or cls.in_metres_only or unit_of(field) not in SCALING_UNITS:
+        if field is None or cls.in_metres_only or unit_of_number_field(field) not in SCALING_UNITS:
             return None
         return key.removesuffix(DIAMETERS)
 
@@ -148,7 +148,7 @@ class Section(BaseModel):
         part = handler.resolve_ref_schema(handler(core))
         either = []
         for name, entry in list(part.get("properties", {}).items()):
-            if cls.scaled_name(name + DIAMETERS) is None:
+            if cls.name_without_diameter_suffix(name + DIAMETERS) is None:
                 continue
             unit = "1" if entry["unit"] == "m" else "s m-1"
             unbounded = {k: v for k, v in entry.items() if k not in ("minimum", "maximum", "default")}
@@ -163,18 +163,18 @@ class Section(BaseModel):
 
     @field_validator("*")
     @classmethod
-    def _refuse_outside(cls, value: Any, about: ValidationInfo) -> Any:
+    def _refuse_out_of_range(cls, value: Any, about: ValidationInfo) -> Any:
         extra = cls.model_fields[str(about.field_name)].json_schema_extra
         if isinstance(extra, dict):
             low, high = float(str(extra.get("minimum", -inf))), float(str(extra.get("maximum", inf)))
-            if not all(low <= v <= high for v in numbers_in(value)):
+            if not all(low <= v <= high for v in all_numbers_in(value)):
                 unit = "" if extra["unit"] == "1" else f" {extra['unit']}"
                 allowed = f"[{low:g}, {high:g}]{unit}"
                 raise PydanticCustomError("outside", "lies outside {range}", {"range": allowed})
         return value
 
 
-def position(default: Any, meaning: str) -> Any:
+def point_field(default: Any, meaning: str) -> Any:
     """Declare a point or a shift [m]."""
     return number(default, "m", meaning, -FARTHEST, FARTHEST)
 
@@ -214,7 +214,7 @@ class SceneFile(Section):
         return self._file
 
     @property
-    def effect_files(self) -> tuple[EffectFile, ...]:
+    def effect_files_of_scene(self) -> tuple[EffectFile, ...]:
         """Files of the effects that the scene names and that are not in the package."""
         return self._effect_files
 

@@ -19,7 +19,7 @@ class Plane(Section):
 
     shape: Literal["plane"]
     material: Name
-    point: Vector = fields.position(ORIGIN, "a point of the plane")
+    point: Vector = fields.point_field(ORIGIN, "a point of the plane")
     normal: Direction = fields.direction(UPWARDS, "normal into the free side")
 
 
@@ -30,13 +30,13 @@ class Disc(Section):
 
     shape: Literal["disc"]
     material: Name
-    centre: Vector = fields.position(ORIGIN, "centre")
+    centre: Vector = fields.point_field(ORIGIN, "centre")
     axis: Direction = fields.direction(UPWARDS, "normal of the disc")
     radius: float = fields.extent(..., "radius")
     hole: float = fields.extent(0.0, "radius of a round hole in its middle; 0: none", low=0.0)
 
     @model_validator(mode="after")
-    def _has_area(self) -> "Disc":
+    def _require_area(self) -> "Disc":
         if self.hole >= self.radius:
             raise fields.contradiction("hole must be smaller than radius")
         return self
@@ -47,7 +47,7 @@ class Cylinder(Section):
 
     shape: Literal["cylinder"]
     material: Name
-    centre: Vector = fields.position(ORIGIN, "middle of the end where the axis starts")
+    centre: Vector = fields.point_field(ORIGIN, "middle of the end where the axis starts")
     axis: Direction = fields.direction(UPWARDS, "direction of the axis")
     radius: float = fields.extent(..., "inner radius")
     length: float = fields.extent(..., "length along the axis")
@@ -58,14 +58,14 @@ class Cone(Section):
 
     shape: Literal["cone"]
     material: Name
-    centre: Vector = fields.position(ORIGIN, "middle of the end where the axis starts")
+    centre: Vector = fields.point_field(ORIGIN, "middle of the end where the axis starts")
     axis: Direction = fields.direction(UPWARDS, "direction of the axis")
     radius_low: float = fields.extent(..., "radius where the axis starts", low=0.0)
     radius_high: float = fields.extent(..., "radius at the other end", low=0.0)
     length: float = fields.extent(..., "length along the axis")
 
     @model_validator(mode="after")
-    def _has_width(self) -> "Cone":
+    def _require_width(self) -> "Cone":
         if self.radius_low + self.radius_high == 0.0:
             raise fields.contradiction("radius_low and radius_high are both 0")
         return self
@@ -76,14 +76,14 @@ class Funnel(Section):
 
     shape: Literal["funnel"]
     material: Name
-    outlet: Vector = fields.position(ORIGIN, "middle of the lower opening")
+    outlet: Vector = fields.point_field(ORIGIN, "middle of the lower opening")
     outlet_radius: float = fields.extent(..., "inner radius of the opening and of the stem")
     stem_length: float = fields.extent(0.0, "length of the stem; 0: none", low=0.0)
     rim_radius: float = fields.extent(..., "inner radius of the upper rim")
     cone_height: float = fields.extent(..., "height of the cone")
 
     @model_validator(mode="after")
-    def _opens_upwards(self) -> "Funnel":
+    def _require_upward_opening(self) -> "Funnel":
         if self.rim_radius < self.outlet_radius:
             raise fields.contradiction("rim_radius is smaller than outlet_radius")
         return self
@@ -94,12 +94,12 @@ class Box(Section):
 
     shape: Literal["box"]
     material: Name
-    low: Vector = fields.position(..., "corner of the smallest coordinates")
-    high: Vector = fields.position(..., "corner of the largest coordinates")
+    low: Vector = fields.point_field(..., "corner of the smallest coordinates")
+    high: Vector = fields.point_field(..., "corner of the largest coordinates")
     faces: tuple[Face, ...] = Field(OPEN_BOX, min_length=1, max_length=6, description="faces that exist")
 
     @model_validator(mode="after")
-    def _has_volume(self) -> "Box":
+    def _require_volume(self) -> "Box":
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
             raise fields.contradiction("low must be smaller than high in every coordinate")
         if len(set(self.faces)) < len(self.faces):
@@ -112,10 +112,10 @@ class Hull(Section):
 
     file: str = Field(min_length=1, max_length=200, description="path relative to the scene file")
     scale: float = fields.number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
-    translate: Vector = fields.position(ORIGIN, "shift after scaling")
+    translate: Vector = fields.point_field(ORIGIN, "shift after scaling")
 
     @model_validator(mode="after")
-    def _stays_beside_the_scene(self) -> "Hull":
+    def _require_relative_file(self) -> "Hull":
         path = PurePath(self.file)
         if path.is_absolute() or ".." in path.parts or "\0" in self.file:
             raise fields.contradiction(f"file = '{self.file}' must lie beside or below the scene file")

@@ -17,7 +17,7 @@ from taichi_erosion.scene.schema.fields import (
     direction,
     extent,
     number,
-    position,
+    point_field,
 )
 from taichi_erosion.scene.schema.geometry import Hull
 
@@ -49,7 +49,7 @@ class Lognormal(Section):
     high: float = number(..., "m", "largest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
 
     @model_validator(mode="after")
-    def _bracket(self) -> "Lognormal":
+    def _require_median_in_limits(self) -> "Lognormal":
         if not self.low <= self.median <= self.high:
             raise contradiction("low <= median <= high must hold")
         return self
@@ -71,7 +71,7 @@ class Sieve(Section):
     scale: float = number(1.0, "1", "simulated over tabulated diameter (coarse graining)", 1e-2, 1e3)
 
     @model_validator(mode="after")
-    def _ascending(self) -> "Sieve":
+    def _require_ascending_sizes(self) -> "Sieve":
         if bool(self.rows) == (self.table is not None):
             raise contradiction("needs either table or rows")
         for row in self.rows:
@@ -102,7 +102,7 @@ class Clump(Section):
     spheres: tuple[ClumpSphere, ...] = Field((), max_length=64, description="spheres of an own template")
 
     @model_validator(mode="after")
-    def _one_source(self) -> "Clump":
+    def _require_one_shape_source(self) -> "Clump":
         if bool(self.spheres) == (self.template is not None):
             raise contradiction("needs either template or spheres")
         return self
@@ -156,14 +156,14 @@ class Grains(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _in_one_table(cls, table: Any) -> Any:
+    def _accept_one_table(cls, table: Any) -> Any:
         if isinstance(table, (list, tuple)):
             raise contradiction("kinds stand in tables [grains.kinds.MATERIAL], and count in [grains]")
         return table
 
     @field_validator("size", "material")
     @classmethod
-    def _of_one_kind(cls, value: Any, about: ValidationInfo) -> Any:
+    def _refuse_mixed_statement(cls, value: Any, about: ValidationInfo) -> Any:
         if value is None and not about.data.get("kinds", True):
             raise PydanticCustomError("missing", "missing")
         if value is not None and about.data.get("kinds"):
@@ -209,7 +209,7 @@ class Material(Section):
     softening: Softening | None = Field(None, description="names the scaling rule where stiffness is reduced")
 
     @model_validator(mode="after")
-    def _one_modulus(self) -> "Material":
+    def _require_one_modulus(self) -> "Material":
         if (self.shear_modulus is None) == (self.young_modulus is None):
             raise contradiction("needs shear_modulus or young_modulus, and only one of them")
         return self
@@ -242,7 +242,7 @@ class Contact(Section):
     )
 
     @property
-    def rolling_share(self) -> float:
+    def rolling_lever(self) -> float:
         """The radius of friction_rolling over R*: a grain's own is twice R* between equal grains [1]."""
         return 2.0 if self.rolling_radius == "grain" else 1.0
 
@@ -252,7 +252,7 @@ class Contact(Section):
         return self.effects is not False
 
 
-def mixed_contact(a: Contact, b: Contact) -> Contact:
+def contact_of_two_kinds(a: Contact, b: Contact) -> Contact:
     """Contact of grains of two kinds from those of each with its own: geometric means.
 
     Restitution, friction, rolling friction over R* and rolling damping are mixed as LAMMPS does (pair
@@ -260,7 +260,7 @@ def mixed_contact(a: Contact, b: Contact) -> Contact:
     """
     names = ("restitution", "friction_sliding", "friction_rolling", "rolling_damping", "surface_energy")
     mean = {name: sqrt(getattr(a, name) * getattr(b, name)) for name in names}
-    mean["friction_rolling"] *= sqrt(a.rolling_share * b.rolling_share)
+    mean["friction_rolling"] *= sqrt(a.rolling_lever * b.rolling_lever)
     return a.model_copy(
         update=mean | {"rolling_radius": "effective", "effects": None if a.acted_on and b.acted_on else False}
     )
@@ -272,7 +272,7 @@ class GrainStart(Section):
     in_metres_only = True
     later = ("kind",)
 
-    position: Vector = position(..., "centre (of the template's origin for a clump)")
+    position: Vector = point_field(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
     diameter: float | None = number(None, "m", "diameter; left out: nominal", SMALLEST_GRAIN, LARGEST_GRAIN)
@@ -308,7 +308,7 @@ class Lattice(JitteredNet):
 
     law: Literal["lattice"]
     pitch: float = extent(..., "distance of neighbours")
-    centre: Vector = position((0.0, 0.0, 0.0), "centre of the cylinder")
+    centre: Vector = point_field((0.0, 0.0, 0.0), "centre of the cylinder")
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of the axis")
     radius: float = extent(..., "radius that holds the centres")
     length: float = extent(..., "length that holds the centres")
@@ -317,10 +317,10 @@ class Lattice(JitteredNet):
 class Inlet(Section):
     """Grains pass a disc, a rectangle, a line or a closed mesh, layer by layer, apart, at random places."""
 
-    centre: Vector | None = position(None, "middle of the disc or rectangle, or one end of the line")
+    centre: Vector | None = point_field(None, "middle of the disc or rectangle, or one end of the line")
     radius: float | None = extent(None, "radius of a horizontal disc, whole grains inside")
     size: tuple[float, float] | None = extent(None, "sides of a horizontal rectangle along x and y, likewise")
-    end: Vector | None = position(None, "other end of a line, on which grains lie side by side")
+    end: Vector | None = point_field(None, "other end of a line, on which grains lie side by side")
     mesh: Hull | None = Field(default=None, description="closed mesh, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
     rate: float | None = number(None, "s-1", "grains a second; left out: as fast as layers clear", 1e-3, 1e9)
@@ -331,7 +331,7 @@ class Inlet(Section):
     kind: Name | None = Field(default=None, description="kind of grains that alone passes; left out: all")
 
     @model_validator(mode="after")
-    def _one_shape(self) -> "Inlet":
+    def _require_one_shape(self) -> "Inlet":
         shapes = [name for name in ("radius", "size", "end", "mesh") if getattr(self, name) is not None]
         alone = 0 if getattr(self, "inlets", {}) else 1
         if (len(shapes), self.centre is None) != (alone, alone == 0 or self.mesh is not None):

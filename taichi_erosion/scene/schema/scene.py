@@ -20,10 +20,10 @@ from taichi_erosion.scene.schema.fields import (
     contradiction,
     direction,
     number,
-    position,
+    point_field,
 )
 from taichi_erosion.scene.schema.geometry import ORIGIN, Domain, Wall
-from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material, mixed_contact
+from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material, contact_of_two_kinds
 from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Threshold, Wind
 
 FROM_THRESHOLDS = (
@@ -115,7 +115,7 @@ class Movement(Section):
 
     velocity: Vector = number(ORIGIN, "m s-1", "velocity", -FASTEST, FASTEST)
     spin: Vector = number(ORIGIN, "rad s-1", "angular velocity", -1e4, 1e4)
-    centre: Vector = position(ORIGIN, "a point of the spin axis, also of a torque")
+    centre: Vector = point_field(ORIGIN, "a point of the spin axis, also of a torque")
     table: tuple[MotionRow, ...] = number(
         (),
         "s, m s-1, rad s-1",
@@ -132,7 +132,7 @@ class Movement(Section):
     fastest: float = number(0.1, "m s-1 or rad s-1", "largest speed of the servo", 1e-9, FASTEST)
 
     @model_validator(mode="after")
-    def _follows_one_order(self) -> "Movement":
+    def _require_one_motion(self) -> "Movement":
         if self.force is not None and self.torque is not None:
             raise contradiction("force and torque: a servo keeps one of them")
         if self.table and (any(self.velocity) or any(self.spin)):
@@ -175,7 +175,7 @@ class Stage(Section):
     )
 
     @model_validator(mode="after")
-    def _in_order(self) -> "Stage":
+    def _check_stage_times(self) -> "Stage":
         if self.duration_min > self.duration_max:
             raise contradiction("duration_min exceeds duration_max")
         return self
@@ -190,11 +190,11 @@ class Measure(Section):
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
     plate: Name | None = Field(None, description="surface on which the heap stands")
-    plane_point: Vector | None = position(None, "a point of the plane that mass_flow counts through")
+    plane_point: Vector | None = point_field(None, "a point of the plane that mass_flow counts through")
     plane_normal: Direction = direction((0.0, 0.0, -1.0), "direction in which that flow counts as positive")
     walls: tuple[Name, ...] = Field((), description="walls on which a force is read; left out: all")
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
-    centre: Vector = position(ORIGIN, "a point of the axis of a torque")
+    centre: Vector = point_field(ORIGIN, "a point of the axis of a torque")
     area: float | None = number(
         None, "m2", "of the plane on which a stress acts; left out: that of the periodic box", 1e-12, 1e6
     )
@@ -256,7 +256,7 @@ class Scene(SceneFile):
     effects: dict[Name, dict[Name, float]] = Field({}, description="optional physics: parameters by effect")
 
     @property
-    def patch_size(self) -> tuple[float, float] | None:
+    def periods_xy(self) -> tuple[float, float] | None:
         """Periods along x and y [m]: under wind those of the patch; None without any."""
         return self.domain.period if self.wind is None else (self.wind.length, self.wind.width)
 
@@ -271,17 +271,17 @@ class Scene(SceneFile):
         return sum(part.share * self.materials[name].density for name, part in self.grains.parts.items())
 
     @property
-    def wall_materials(self) -> set[str]:
+    def wall_material_names(self) -> set[str]:
         """Names of the materials of all walls."""
         return {wall.material for wall in self.geometry.values()}
 
-    def contact_of(self, a: str, b: str) -> Contact | None:
+    def contact_of_materials(self, a: str, b: str) -> Contact | None:
         """Parameters of a pair of materials, as stated in either order or mixed from those of two kinds."""
         pair = self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
         alike = [self.contact.get(f"{name}-{name}") for name in (a, b) if name in self.grains.kinds]
         if pair or len(alike) < 2 or alike[0] is None or alike[1] is None:
             return pair
-        return mixed_contact(alike[0], alike[1])
+        return contact_of_two_kinds(alike[0], alike[1])
 
 
 def reference_problems(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
@@ -332,9 +332,9 @@ def name_problems(scene: Scene) -> Iterator[str]:
 def contact_problems(scene: Scene) -> Iterator[str]:
     """Pairs of materials that are missing, doubled or without effect."""
     grains = sorted(scene.grains.parts)
-    pairs = {(grain, name) for grain in grains for name in (grain, *scene.wall_materials)}
+    pairs = {(grain, name) for grain in grains for name in (grain, *scene.wall_material_names)}
     for grain, name in sorted(pairs):
-        if scene.contact_of(grain, name) is None:
+        if scene.contact_of_materials(grain, name) is None:
             yield f"contact.{grain}-{name} is missing"
     for pair, contact in scene.contact.items():
         a, b = pair.split("-")
@@ -342,7 +342,7 @@ def contact_problems(scene: Scene) -> Iterator[str]:
             yield f"contact.{pair} and contact.{b}-{a} name the same pair"
         for name in {a, b} - set(scene.materials):
             yield f"contact.{pair}: '{name}' is not among [materials]"
-        of_walls = not {a, b} <= {*grains} - scene.wall_materials
+        of_walls = not {a, b} <= {*grains} - scene.wall_material_names
         if contact.rolling_radius == "grain" and of_walls:
             yield f"contact.{pair}.rolling_radius: at a wall both radii are the same; leave it out"
         if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
@@ -390,7 +390,7 @@ def measure_problems(scene: Scene) -> Iterator[str]:
     for name, order in scene.measure.items():
         if name == "mass_flow" and order.plane_point is None:
             yield "measure.mass_flow.plane_point is missing: a point of the plane that grains pass"
-        if name in OF_STRESS and order.area is None and scene.patch_size is None:
+        if name in OF_STRESS and order.area is None and scene.periods_xy is None:
             yield f"measure.{name}.area is missing: a stress is a force over an area"
         if order.kind is not None and name not in BY_KIND and order.file is None:
             yield f"measure.{name}.kind: it reads all grains together; leave it out"
@@ -423,7 +423,7 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     """Stages, clumps and moving walls that do not go with the air, or with none."""
     wind = scene.wind
     if wind is None:
-        paths = stages_with(scene, "friction_velocity", "through_flow", "steady_air")
+        paths = stage_paths_stating(scene, "friction_velocity", "through_flow", "steady_air")
         yield from (f"{path} needs a [wind] section" for path in paths)
         return
     if scene.domain.outside == "remove":
@@ -433,7 +433,7 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     if scene.grains.clump is not None:
         yield "wind: drag acts on single spheres; grains.clump must be left out"
     if wind.sleep_after is not None:
-        for path in stages_with(scene, "move"):
+        for path in stage_paths_stating(scene, "move"):
             yield f"{path}: no grain may sleep where walls move; leave wind.sleep_after out"
     yield from column_problems(wind) if wind.columns == (1, 1) else grid_problems(scene, wind)
 
@@ -446,7 +446,7 @@ def column_problems(wind: Wind) -> Iterator[str]:
         yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
 
 
-def stages_with(scene: Scene, *names: str) -> list[str]:
+def stage_paths_stating(scene: Scene, *names: str) -> list[str]:
     """Paths of some entries in the stages that state them."""
     stages, unstated = list(enumerate(scene.stages)), (None, {}, False)
     entries = ((k, name) for name in names for k, stage in stages if getattr(stage, name) not in unstated)
@@ -459,12 +459,12 @@ def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
         if count < COLUMNS_LEAST or count % 2:
             yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
     paths = ["wind.through_flow"] if wind.through_flow else []
-    for path in paths + stages_with(scene, "through_flow"):
+    for path in paths + stage_paths_stating(scene, "through_flow"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     for name in OF_ONE_COLUMN:
         if name in scene.measure:
             yield f"measure.{name} reads a single column of air; leave wind.columns out"
-    for path in stages_with(scene, "steady_air"):
+    for path in stage_paths_stating(scene, "steady_air"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     if "turbulent_gusts" in scene.effects and wind.closure != "mixing_length":
         yield "effects.turbulent_gusts: the grid has gusts of its own; leave the effect or the eddies out"

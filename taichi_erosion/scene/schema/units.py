@@ -78,14 +78,14 @@ USUAL = {name: Unit(size, kind) for kind, sizes in SIZES.items() for name, size 
 
 
 @cache
-def registry() -> Any:
+def unit_registry() -> Any:
     """The dictionary of units; loaded at first need, which takes half a second."""
     import pint
 
     return pint.UnitRegistry()
 
 
-def plain_text(text: str) -> str:
+def plain_unit_text(text: str) -> str:
     """A unit in plain signs: `m⁻¹` is `m-1`, `µm` is `um`, `℃` is `°C`."""
     plain = unicodedata.normalize("NFKC", text).strip().replace("\N{MINUS SIGN}", "-")
     return plain.replace("\N{GREEK SMALL LETTER MU}", "u").replace("\N{MASCULINE ORDINAL INDICATOR}", "°")
@@ -98,7 +98,7 @@ def parse_unit(text: str) -> Unit:
     Factors stand side by side or are joined by `*` or `·`; a power follows its symbol; `/` divides by the one
     factor or parenthesis that follows, and nothing but another `/` may come after it.
     """
-    plain = plain_text(text)
+    plain = plain_unit_text(text)
     if plain in PURE_NUMBERS:
         return PURE
     if len(plain) > LONGEST or not GRAMMAR.fullmatch(plain):
@@ -107,7 +107,7 @@ def parse_unit(text: str) -> Unit:
     unit = PURE
     for place, part in enumerate(SLASH.split(plain)):
         for symbol, power in POWERS.findall(part):
-            unit = unit.times(named_unit(symbol, text), int(power or 1) * (-1 if place else 1))
+            unit = unit.times(unit_of_symbol(symbol, text), int(power or 1) * (-1 if place else 1))
     if not isfinite(unit.factor) or unit.factor <= 0.0:
         raise UnknownUnit(text)
     return unit
@@ -115,33 +115,33 @@ def parse_unit(text: str) -> Unit:
 
 def parse_scale(text: str) -> Unit:
     """Unit of a condition: as `parse_unit`, or a temperature that does not count from absolute zero."""
-    degree = TEMPERATURES.get(plain_text(text).replace("deg ", "deg").replace("° ", "°"))
+    degree = TEMPERATURES.get(plain_unit_text(text).replace("deg ", "deg").replace("° ", "°"))
     if degree is None:
         return parse_unit(text)
     # water freezes at 0 of Celsius and 32 of Fahrenheit
     return Unit(degree, (("kelvin", 1),), ICE_POINT if degree == 1.0 else ICE_POINT - 32.0 * degree)
 
 
-def named_unit(symbol: str, text: str) -> Unit:
+def unit_of_symbol(symbol: str, text: str) -> Unit:
     """Unit of one symbol, with or without a prefix."""
     if symbol in AMBIGUOUS and (len(symbol) > 1 or symbol == text.strip()):
         raise UnknownUnit(text, AMBIGUOUS[symbol])
-    unit = dictionary_entry(SIGNS.get(symbol, symbol))
+    unit = unit_from_registry(SIGNS.get(symbol, symbol))
     if unit is None:
         lower = symbol.lower()
-        raise UnknownUnit(text, f"did you mean '{lower}'?" if dictionary_entry(lower) is not None else "")
+        raise UnknownUnit(text, f"did you mean '{lower}'?" if unit_from_registry(lower) is not None else "")
     return unit
 
 
 @cache
-def dictionary_entry(name: str) -> Unit | None:
+def unit_from_registry(name: str) -> Unit | None:
     """Unit of the dictionary, None where it has none; a temperature with a zero of its own is none."""
     if name in USUAL:
         return USUAL[name]
     if name in TEMPERATURES or (len(name) == 1 and name not in SINGLE_LETTERS):
         return None
     try:
-        size = registry().Quantity(1.0, name).to_base_units()
+        size = unit_registry().Quantity(1.0, name).to_base_units()
     except (AttributeError, TypeError, ValueError):  # pint's errors for what it does not know
         return None
     powers = {str(unit): float(power) for unit, power in size.unit_items()}
@@ -170,7 +170,7 @@ class Scale:
         """Number in the unit of use."""
         return self.origin + self.factor * number
 
-    def to_table(self, used: float) -> float:
+    def to_unit_of_table(self, used: float) -> float:
         """Number as the table has it."""
         return (used - self.origin) / self.factor
 

@@ -63,7 +63,7 @@ class Wind(Section):
     through_flow: float = number(0.0, "m s-1", "superficial velocity of air up the bed", -100.0, 100.0)
 
     @model_validator(mode="after")
-    def _in_order(self) -> "Wind":
+    def _check_order_of_entries(self) -> "Wind":
         if self.surface is not None and self.surface >= self.height:
             raise contradiction("surface must lie below height: the lid is inside the bed")
         return self
@@ -113,7 +113,7 @@ class Threshold(Section):
     profile_speeds: tuple[float, ...] = number((), "m s-1", "wind speeds there, for u*/U", 0.0, 1e3)
 
     @model_validator(mode="after")
-    def _has_one_map(self) -> "Threshold":
+    def _require_one_tunnel_map(self) -> "Threshold":
         heights, speeds = self.profile_heights, self.profile_speeds
         grow = (low < high for each in (heights, speeds[:-1]) for low, high in pairwise((0.0, *each)))
         if len(heights) != len(speeds) or 0 < len(heights) < LEAST_HEIGHTS or not all(grow):

@@ -25,8 +25,8 @@ def test_the_vault_of_a_fold_is_one_source(fold: Fold, tmp_path, monkeypatch: py
     monkeypatch.setattr("doe.trials.published.folds.FOLDER", tmp_path)
     write_study(fold)
     problem = load_study(fold.study).problem
-    assert set(problem.vault_rows().source) == {fold.source}
-    assert fold.source not in problem.visible().source
+    assert set(problem.measurements_in_vault().source) == {fold.source}
+    assert fold.source not in problem.visible_rows().source
 
 
 def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], **effects: float) -> Floats:

@@ -28,7 +28,7 @@ effects = ["bed_slope"]
 @pytest.mark.parametrize("study", sorted((ROOT / "doe").glob("*.toml")), ids=lambda path: path.stem)
 def test_a_shipped_study_is_valid(study, capsys, monkeypatch):
     if study.stem not in COSTED:
-        monkeypatch.setattr(module, "study_cost", lambda *_: {})
+        monkeypatch.setattr(module, "discovery_cost", lambda *_: {})
     assert main(["study", "check", str(study)]) == 0
     assert "valid; nothing was run" in capsys.readouterr().out
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
+from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply
 from taichi_erosion.evidence.models.load_study import StudyOptions
 from tests.evidence.asking import ask
 from tests.evidence.small_study import LIBRARY, study_text, write_study
@@ -45,7 +45,7 @@ def test_a_reply_is_read_as_it_was_stored(wet, replies, command: Command):
 
 
 def test_a_stored_reply_that_is_damaged_is_told(tmp_path, wet, replies):
-    file = document_file(tmp_path, wet.stem, "compare")
+    file = answer_file(tmp_path, wet.stem, "compare")
     file.write_text(json.dumps(replies["compare"].document | {"record": {}}), encoding="utf-8")
     with pytest.raises(BadInput, match="holds no result"):
         read_reply(tmp_path, wet.stem, "compare")
@@ -71,7 +71,7 @@ def test_misfit_and_strength_are_told_where_and_how_large_they_are(replies):
     assert "moisture" in {place.axis for place in compared.where if place.p < 0.05}
     assert (discovered.verdict, discovered.named) == ("present", (NAME,))
     assert set(discovered.effects) == set(LIBRARY)
-    fitted = replies["adopt"].record.effects[NAME].interval
+    fitted = replies["adopt"].record.effects[NAME].strength_range
     half = 0.5 * (fitted.high - fitted.low)
     # the 90 % interval misses one time in ten; three times its half-width misses once in a million
     assert abs(fitted.value - 1.0) < 3.0 * half

@@ -64,7 +64,7 @@ def test_a_hidden_effect_is_found_named_and_adopted(study_of):
     assert held.chi2_per_row_after < 0.5 * held.chi2_per_row_before
     assert held.chi2_per_row_wrong_effect > 2.0 * held.chi2_per_row_after
 
-    fitted = adopted.effects[HIDDEN].interval
+    fitted = adopted.effects[HIDDEN].strength_range
     half = 0.5 * (fitted.high - fitted.low)
     # the laboratory's other packing and time step move a heap too: five half-widths, not three
     assert abs(fitted.value - truth_of(study)) < 5.0 * half

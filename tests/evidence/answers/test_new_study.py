@@ -12,8 +12,8 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.evidence.answers import check_study
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
-from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
+from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, least_grain_count, scene_text
 from taichi_erosion.evidence.answers.written_files import EXPECTED_AS
 from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models.load_study import Study, load_study
@@ -32,7 +32,7 @@ def guess(_question: str, answer: str) -> str:
 @pytest.fixture(autouse=True)
 def uncounted(monkeypatch) -> None:
     """No cost of the runs of a study on scenes: their plans take seconds."""
-    monkeypatch.setattr(check_study, "study_cost", lambda *_: {})
+    monkeypatch.setattr(check_study, "discovery_cost", lambda *_: {})
 
 
 def changed(old: str, new: str) -> bytes:
@@ -43,14 +43,14 @@ def changed(old: str, new: str) -> bytes:
 def made(folder: Path, text: str, wishes: NewStudyOptions, answer=guess) -> tuple[dict, Study]:
     """Document and study of a table."""
     (folder / "t.csv").write_text(text, encoding="utf-8")
-    document = new_study(folder / "t.csv", wishes, answer)
+    document = write_new_study(folder / "t.csv", wishes, answer)
     return document, load_study(Path(document["written"][0]))
 
 
 def faults_of(folder: Path, content: bytes, wishes: NewStudyOptions | None = None) -> tuple[str, ...]:
     (folder / "heap.csv").write_bytes(content)
     with pytest.raises(BadInput) as caught:
-        new_study(folder / "heap.csv", wishes or NewStudyOptions(closed_form=True), guess)
+        write_new_study(folder / "heap.csv", wishes or NewStudyOptions(closed_form=True), guess)
     return caught.value.faults
 
 
@@ -167,7 +167,7 @@ LARGEST = [("threshold", 5e-3, None), ("impact", 1.5e-3, None), ("saltation", 5e
 def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_path, name, diameter, density):
     """Steel falls hard; wind over large grains needs a lid above them and a rest that is no fall."""
     template = TEMPLATES[name]
-    grains = safe_grains(template, [26.0])
+    grains = least_grain_count(template, [26.0])
     assert grains >= template.grains
     text = scene_text(template, {"title": "t"}, [diameter], grains, density)
     (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
@@ -311,9 +311,9 @@ def test_a_slope_without_a_unit_is_asked_for_whatever_the_table_and_the_model(tm
         table = tmp_path / f"{name}.csv"
         table.write_text(text, encoding="utf-8")
         with pytest.raises(BadInput, match=r"'slope':? has no unit .*such as deg"):
-            new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
+            write_new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
         table.write_text(text.replace("slope", "slope [deg]"), encoding="utf-8")
-        found = new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
+        found = write_new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
         assert found["conditions"]["slope"] == "0 to 10 deg"
 
 
@@ -324,9 +324,9 @@ def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks
         table.write_text(f"{head}\n1,,28,0.6,4\n1,5,28.4,0.5,4\n2,5,27,0.5,4\n", encoding="utf-8")
         if used:
             with pytest.raises(BadInput, match="is blank in row 2"):
-                new_study(table, NewStudyOptions(folder=tmp_path / "used"), lambda _, guess: guess)
+                write_new_study(table, NewStudyOptions(folder=tmp_path / "used"), lambda _, guess: guess)
         else:
-            found = new_study(table, NewStudyOptions(), lambda _, guess: guess)
+            found = write_new_study(table, NewStudyOptions(), lambda _, guess: guess)
             assert list(found["conditions"]) == ["diameter"]
             assert f"not used: '{heading}' (it is not known in every row)" in found["assumed"]
 

@@ -9,7 +9,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from tests.evidence.asking import SILENT, ask
 
@@ -34,7 +34,7 @@ def study_of(folder: Path, name: str, text: str = "", **wishes) -> Study:
     """The study by the closed form of a table, where nobody answers."""
     (folder / "t.csv").write_text(text or (TABLES / f"{name}.csv").read_text("utf-8"), "utf-8")
     asked: dict[str, Any] = {"closed_form": True} | wishes
-    document = new_study(folder / "t.csv", NewStudyOptions(**asked), lambda _, guess: guess)
+    document = write_new_study(folder / "t.csv", NewStudyOptions(**asked), lambda _, guess: guess)
     return load_study(Path(document["study"]))
 
 
@@ -44,7 +44,7 @@ def answer(study: Study) -> Reply:
 
 def named(reply: Reply) -> dict[str, bool]:
     """Effects that are named -> whether 1, the strength in their world, lies inside the interval."""
-    found = {name: reply.record.effects[name].interval for name in reply.record.named}
+    found = {name: reply.record.effects[name].strength_range for name in reply.record.named}
     return {name: each.low <= 1.0 <= each.high for name, each in found.items()}
 
 
@@ -100,7 +100,7 @@ def test_bridges_of_known_strength_are_measured_where_the_size_is_stated(tmp_pat
     assert np.unique(study.problem.measurements.conditions["diameter"]) == pytest.approx(diameters)
     found = answer(study).record
     assert found.named == ("liquid_bridge",)
-    strength = found.effects["liquid_bridge"].interval
+    strength = found.effects["liquid_bridge"].strength_range
     assert strength.low <= 0.8 <= strength.high
 
 

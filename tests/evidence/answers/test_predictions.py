@@ -10,11 +10,11 @@ from scipy.special import ndtr
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
-from taichi_erosion.evidence.answers.predictions import predict_study, prediction, read_prediction
+from taichi_erosion.evidence.answers.predictions import predict_new_rows, predict_study, read_prediction
 from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out, new_rows, outlook
+from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out, outlook, rows_at
 from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import study_text, write_study
@@ -26,9 +26,9 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     table = replace(problem.measurements, group=tuple(map(str, range(24))))
     shares = leave_one_out(infer(problem, 1, table))
     for i in (0, 9, 12, 21):
-        rest = infer(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
+        rest = infer(problem, 1, table.pick_rows_at(np.delete(np.arange(table.size), i)))
         place = joint_rows(
-            rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
+            rest.race, rows_at(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
         )
         told = forecast(rest, place)
         share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.new_value[:, 0])
@@ -37,7 +37,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
 
 def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     wanted = NewConditions(("y", "y", "z"), {"x": np.array([0.5, 2.0, 0.0])})
-    found = prediction(infer(linear_problem({}, {}, seed=1), 1), wanted)
+    found = predict_new_rows(infer(linear_problem({}, {}, seed=1), 1), wanted)
     near, far = found.rows
     assert (near.outside, far.outside) == ({}, {"x": 1.0})
     assert far.high - far.low > near.high - near.low
@@ -98,13 +98,13 @@ def test_closed_form_with_one_level():
     table = table_of([Readings("y", {"x": x[:3]}, y, np.full(3, SD), ("a", "b", "c"))])
     race = infer(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
     fit = race.fits[Hypothesis(())]
-    told = outlook(joint_rows(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
+    told = outlook(joint_rows(race, rows_at(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
     assert [block.kind for block in fit.blocks] == ["level"]
     level, factor = np.exp(fit.evidence.solution.u)
     prior = PRIOR_SD**2 * np.outer(x, x) + (level * SD) ** 2
     gain = prior[3:, :3] @ np.linalg.inv(prior[:3, :3] + (factor * SD) ** 2 * np.eye(3))
     assert told.mean() == pytest.approx(gain @ race.prepared.rows.z, rel=1e-6)
-    assert told.covariance() == pytest.approx(prior[3:, 3:] - gain @ prior[:3, 3:], rel=1e-6)
+    assert told.conditional_covariance() == pytest.approx(prior[3:, 3:] - gain @ prior[:3, 3:], rel=1e-6)
 
 
 @pytest.mark.parametrize(("family", "seed", "number"), [("beyond", 5008, 0), ("disturbed", 777, 5)])
@@ -112,14 +112,14 @@ def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, 
     """Every block carries over: doses, levels, zeros, sources, batches, smooth functions."""
     found = infer(FAMILIES[family](seed, number).problem, number)
     race, rows, p = found.race, found.race.prepared.rows, found.race.prepared
-    again = new_rows(p, NewConditions(rows.names, rows.conditions))
+    again = rows_at(p, NewConditions(rows.names, rows.conditions))
     place = joint_rows(race, replace(again, group=rows.group, source=rows.source))
     for fit in race.likeliest_fits(0.05):
         now = fit.evidence.solution
         left = now.rows.y - now.rows.columns @ (now.tau * now.centre)
-        if p.white.root is not None:
-            left = np.linalg.solve(p.white.root, left)
-        gap = np.abs(outlook(place, fit).mean() - (rows.z - p.sd * left)) / p.sd
+        if p.whiten.root is not None:
+            left = np.linalg.solve(p.whiten.root, left)
+        gap = np.abs(outlook(place, fit).mean() - (rows.z - p.row_sd * left)) / p.row_sd
         assert gap[~rows.censored].max() < 0.2, fit.hypothesis
 
 
@@ -134,9 +134,9 @@ def test_intervals_hold_what_they_say():
         drawn = FAMILIES["intervals"](64000 + number, number)
         assert drawn.asked is not None
         found = infer(drawn.problem, number)
-        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, drawn.asked)))
+        told = forecast(found, joint_rows(found.race, rows_at(found.race.prepared, drawn.asked)))
         for values, key in ((told.mean, "mean"), (told.new_value, "measured")):
-            ends = zip(told.intervals(values), drawn.truth[key], strict=True)
+            ends = zip(told.forecast_intervals(values), drawn.truth[key], strict=True)
             held.append(np.mean([each.low <= truth <= each.high for each, truth in ends]))
     mean, measured = np.mean(held[::2]), np.mean(held[1::2])
     assert 0.84 - 3.0 * 0.13 / 3.4 < mean < 0.97
@@ -155,8 +155,8 @@ def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: in
         names = tuple(rows.names[at[k]] for k in chosen)
         group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
         wanted = NewConditions(names, {name: column[chosen] for name, column in new.items()}, group)
-        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, wanted)))
-        both = [told.intervals(sd) for sd in (told.mean, told.new_value)]
+        told = forecast(found, joint_rows(found.race, rows_at(found.race.prepared, wanted)))
+        both = [told.forecast_intervals(sd) for sd in (told.mean, told.new_value)]
         return np.array([[(one.value, one.low, one.high) for one in each] for each in both])
 
     whole = ends([0, 1, 2, 3, 4])

@@ -16,17 +16,17 @@ from taichi_erosion.api.studies import new_study
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import rounds
-from taichi_erosion.evidence.answers.commands import bare, discover_record, no_progress, open_study, whole
+from taichi_erosion.evidence.answers.commands import bare, discover_record, infer_all, no_progress, open_study
 from taichi_erosion.evidence.answers.fresh_test import (
     CLOSER,
     after_runs,
+    answer_and_rivals,
+    confirms,
     fresh_test,
-    is_open,
-    is_true,
-    kinds_of,
-    setting_of,
+    leaves_mechanisms_open,
+    rounded,
 )
-from taichi_erosion.evidence.answers.set_up import small_heaps
+from taichi_erosion.evidence.answers.set_up import small_heap_faults
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
@@ -34,7 +34,7 @@ from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOptions
 from taichi_erosion.evidence.models.simulator import row_at
-from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.decision import decide_cause
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
 from taichi_erosion.evidence.race.priors import SURE
@@ -58,7 +58,7 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
         if wrong:
             exact = process.mean  # overstated in what the first effect does, without knowing it
             patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
-        question = rounds.discovery_question(study, whole)
+        question = rounds.discovery_question(study, infer_all)
         found, ready = rounds.answer_question(study, plans, question, lambda words, share: None)
         record = discover_record(found)
     return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, record=record)
@@ -67,7 +67,7 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
 @cache
 def on_function(number: int, family: str = "clean", seed: int = 4242) -> rounds.StudyInference:
     posterior = infer(FAMILIES[family](seed, number).problem, number)
-    return rounds.StudyInference(posterior, decide(posterior))
+    return rounds.StudyInference(posterior, decide_cause(posterior))
 
 
 @pytest.mark.parametrize(("strength", "plan"), [(STRONG, "quick"), (OPEN, "full")])
@@ -103,7 +103,7 @@ def test_a_heap_of_too_few_grains_for_any_angle_of_the_table_is_known_before_run
     columns = {"angle of repose [deg]": [31.2, 33.0, 40.2, 36.0], "sd [deg]": 0.8, "moisture [%]": range(4)}
     made = new_study(pd.DataFrame(columns), tmp_path / "heap", apparatus="funnel", grains=grains)
     with open_study(made.path) as study:
-        assert [fault.kind for fault in small_heaps(study)] == kinds
+        assert [fault.kind for fault in small_heap_faults(study)] == kinds
 
 
 def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
@@ -142,25 +142,25 @@ def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     doubtful, sure = (
         replace(found, decision=replace(found.decision, probabilities={"none": p})) for p in (0.5, 0.95)
     )
-    shares = rounds.sets(found.posterior)
+    shares = rounds.probability_of_sets(found.posterior)
     assert sum(shares.values()) == pytest.approx(1.0)
-    bare, *others = rounds.points(doubtful)
+    bare, *others = rounds.likeliest_explanation_points(doubtful)
     assert bare.effects == {}
     assert 1 <= len(others) <= 2
     best = max((names for names in shares if names), key=lambda names: shares[names])
     assert tuple(others[0].effects) == best
     assert all(set(point.parameters) == set(bare.parameters) for point in others)
-    assert rounds.points(sure) == []
+    assert rounds.likeliest_explanation_points(sure) == []
 
 
 def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     null, single = on_function(NULL), on_function(SINGLE)
     assert not has_unexplained_misfit(null.posterior.race)
     assert not has_unexplained_misfit(single.posterior.race), "P(none) is small, but an effect is named"
-    assert rounds.required_points(single) == []
+    assert rounds.points_before_unlisted_verdict(single) == []
     outside = replace(single, decision=replace(single.decision, verdict="outside_library", named=()))
     assert has_unexplained_misfit(on_function(UNLISTED).posterior.race)
-    closest, *several = rounds.required_points(outside)
+    closest, *several = rounds.points_before_unlisted_verdict(outside)
     assert tuple(closest.effects) == single.decision.named
     assert all(len(point.effects) > 1 for point in several)
 
@@ -175,7 +175,7 @@ def asked(
     """The test by a simulator in which effects have a share of their strength and runs scatter by noise."""
     posterior, decision = (found := on_function(*case)).posterior, found.decision
     prepared, model = posterior.race.prepared, posterior.race.prepared.problem.model
-    sd, random = prepared.sd * noise, np.random.default_rng(seed)
+    sd, random = prepared.row_sd * noise, np.random.default_rng(seed)
 
     def value(setting: Setting, observable, at) -> float:
         weaker = {name: share * strength for name, strength in setting.at(row_at(at, 0))[0].items()}
@@ -213,7 +213,7 @@ def test_runs_confirm_what_they_show_and_contradict_what_they_do_not(share, outc
 
 def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_its_place():
     found = on_function(*MECHANISM)
-    (name,), told = found.decision.acting_mechanisms, setting_of(found.posterior.race, found.posterior.best)
+    (name,), told = found.decision.acting_mechanisms, rounded(found.posterior.race, found.posterior.best_fit)
     assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
     assert len({own[name] for _, own in told.doses}) > 3
     rival = FreshPart("undecided", (name,), simulated=0.3, rival=("lift",), rivals=0.65)
@@ -227,7 +227,7 @@ def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_m
     rows = on_function(*MECHANISM).posterior.race.prepared.rows.size
     assert more, "at least one of four was open"
     assert all(times in (2, 4, 8) and size < rows and settings == 2 for times, size, settings in more)
-    assert all(not is_open(part) or part.runs > (CLOSER - 1) * 3 * SEEDS for part in parts)
+    assert all(not leaves_mechanisms_open(part) or part.runs > (CLOSER - 1) * 3 * SEEDS for part in parts)
     calls.clear()
     asked(1.0, case=MECHANISM)
     assert [times for times, *_ in calls] == [1], "confirmed at once"
@@ -235,8 +235,8 @@ def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_m
 
 def test_further_seeds_take_the_place_of_the_rows_of_their_set():
     one = FreshRuns(np.array([[1.0, 2.0, 3.0]]), np.eye(3), SIMILAR)
-    both = one.with_more(FreshRuns(np.array([[5.0], [7.0]]), np.array([[0.5]]), {}), np.array([1]))
-    np.testing.assert_array_equal(both.mean, [1.0, 6.0, 3.0])
+    both = one.merge_fresh_runs(FreshRuns(np.array([[5.0], [7.0]]), np.array([[0.5]]), {}), np.array([1]))
+    np.testing.assert_array_equal(both.row_means, [1.0, 6.0, 3.0])
     np.testing.assert_array_equal(np.linalg.norm(both.columns, axis=1), [1.0, 0.5, 1.0])
     assert both.tests is SIMILAR
 
@@ -288,9 +288,9 @@ def test_without_room_for_runs_nothing_is_said():
 
 def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
     found = on_function(SINGLE)
-    told, rival, bare = kinds_of(found.posterior.race, found.decision)
-    assert (told.names, bare.names, bool(rival.names)) == (found.decision.named, (), True)
-    assert not is_true(found.decision, Hypothesis(rival.names))
+    told, rival, bare = answer_and_rivals(found.posterior.race, found.decision)
+    assert (told.acting, bare.acting, bool(rival.acting)) == (found.decision.named, (), True)
+    assert not confirms(found.decision, Hypothesis(rival.acting))
     assert {fit.hypothesis.names for fit in bare.fits} == {()}
 
 
@@ -299,5 +299,5 @@ def test_fresh_runs_are_made_by_the_device_of_the_study():
     simulator = SimpleNamespace(device=device, scene=lambda *_: scene)
     training = SimpleNamespace(study=SimpleNamespace(fresh=""), simulator=simulator)
     fresh = FreshSimulator(cast("Any", training), cast("Any", None), frozenset(), SEEDS)
-    made = fresh.requests((Path("heap.toml"), ()), SEEDS)
+    made = fresh.point_runs((Path("heap.toml"), ()), SEEDS)
     assert [request.payload["decomposition"] for request in made] == ["grains"] * SEEDS

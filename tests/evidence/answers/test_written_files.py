@@ -10,10 +10,10 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import open_study
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
-from taichi_erosion.evidence.data.held_out_rows import record_opening
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
+from taichi_erosion.evidence.data.held_out_rows import count_opening
 from taichi_erosion.evidence.models.load_study import load_study
-from taichi_erosion.tables.spreadsheet import source_digest
+from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
 WISHES = NewStudyOptions(closed_form=True)
@@ -35,7 +35,7 @@ def written(folder: Path, lines: list[str], head: str = HEAD) -> Path:
 
 
 def again(folder: Path, lines: list[str], head: str = HEAD) -> dict:
-    return new_study(written(folder, lines, head), WISHES, lambda _, guess: guess)
+    return write_new_study(written(folder, lines, head), WISHES, lambda _, guess: guess)
 
 
 def files_of(folder: Path) -> dict[Path, bytes]:
@@ -44,7 +44,7 @@ def files_of(folder: Path) -> dict[Path, bytes]:
 
 def held_out(folder: Path) -> set[tuple[float, float]]:
     """Diameters [um] and moistures [%] of the vault."""
-    at = load_study(folder / "sand" / "sand.toml").problem.vault_rows().conditions
+    at = load_study(folder / "sand" / "sand.toml").problem.measurements_in_vault().conditions
     return set(zip((1e6 * at["diameter"]).round(3), (100.0 * at["moisture"]).round(3), strict=True))
 
 
@@ -67,7 +67,7 @@ def test_a_corrected_value_is_told_and_moves_no_row_into_or_out_of_the_vault(fol
         assert place + 2 in again(folder, lines)["changes"]["lines"]
         assert held_out(folder) == before
         study = load_study(folder / "sand" / "sand.toml")
-        assert study.drawn_from == digest != study.digest
+        assert study.vault_digest == digest != study.digest
 
 
 def test_a_corrected_condition_moves_no_other_row_and_its_own_stays_what_it_was(folder):
@@ -93,7 +93,7 @@ def test_rows_that_are_added_leave_the_others_what_they_were(folder):
 def test_the_count_of_openings_goes_on(folder, capsys):
     study = folder / "sand" / "sand.toml"
     problem = load_study(study)
-    assert record_opening(problem.results, problem.digest, "liquid_bridge") == 1
+    assert count_opening(problem.results, problem.digest, "liquid_bridge") == 1
     lines = list(LINES)
     lines[3] = lines[3].replace(";0.6;5", ";0.7;5")
     again(folder, lines)
@@ -108,10 +108,10 @@ def test_what_the_user_changed_in_the_study_stays_unless_it_is_written_anew(fold
     study.write_text(mine, encoding="utf-8")
     found = again(folder, [*LINES, line("T", 300, 0.2)])
     assert without_digest(study.read_text("utf-8")) == without_digest(mine)
-    assert load_study(study).file.study.made_from_digest == source_digest(folder / "sand.csv")
+    assert load_study(study).file.study.made_from_digest == laboratory_table_digest(folder / "sand.csv")
     assert found["written"] == [str(study), str(folder / "sand" / "sand_tidy.csv")]
     before = held_out(folder)
-    new_study(folder / "sand.csv", replace(WISHES, anew=True), lambda _, guess: guess)
+    write_new_study(folder / "sand.csv", replace(WISHES, anew=True), lambda _, guess: guess)
     assert "my own" not in study.read_text("utf-8")
     assert held_out(folder) == before
 
@@ -147,7 +147,7 @@ def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused
     (folder / "other").mkdir()
     table = written(folder / "other", LINES)
     with pytest.raises(BadInput, match=r"is a study of another table; .*--out"):
-        new_study(table, replace(WISHES, folder=folder / "sand"), lambda _, guess: guess)
+        write_new_study(table, replace(WISHES, folder=folder / "sand"), lambda _, guess: guess)
     with pytest.raises(BadInput, match=r"conditions\.moisture is not in sand_tidy"):
         again(folder, LINES, HEAD.replace(";moisture [%]", ";note"))
     assert files_of(folder) == files
@@ -161,5 +161,5 @@ def test_a_study_or_scene_of_anothers_is_not_written_over(tmp_path, name):
     there.parent.mkdir()
     there.write_text("another's", encoding="utf-8")
     with pytest.raises(BadInput, match=rf"{name}: exists; .*--out"):
-        new_study(tmp_path / "heap.csv", NewStudyOptions(folder=there.parent), lambda _, guess: guess)
+        write_new_study(tmp_path / "heap.csv", NewStudyOptions(folder=there.parent), lambda _, guess: guess)
     assert {path.name: path.read_text("utf-8") for path in there.parent.iterdir()} == {name: "another's"}

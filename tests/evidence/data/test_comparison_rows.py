@@ -8,7 +8,7 @@ from scipy import optimize, stats
 
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.summary import summary
-from taichi_erosion.evidence.data.comparison_rows import censored_scale, comparison_rows
+from taichi_erosion.evidence.data.comparison_rows import censor_scale, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
 from taichi_erosion.evidence.data.transforms import working
@@ -29,7 +29,7 @@ def log_probability(u: float, reach: float) -> float:
 @pytest.mark.parametrize("u", [-3.0, -0.4, 0.0, 1.1, 4.0])
 def test_a_censored_row_has_the_deviance_slope_and_curvature_of_its_likelihood(u, reach):
     work = working(np.array([u, 0.7]), np.array([reach, 0.0]))
-    assert work.deviance == pytest.approx(-2.0 * log_probability(u, reach) + 0.49, rel=1e-9)
+    assert work.censored_deviance == pytest.approx(-2.0 * log_probability(u, reach) + 0.49, rel=1e-9)
     step = 1e-4
     low, here, high = (log_probability(u + k * step, reach) for k in (-1.0, 0.0, 1.0))
     slope, curvature = (high - low) / (2.0 * step), -(high - 2.0 * here + low) / step**2
@@ -42,13 +42,13 @@ def test_a_censored_row_has_the_deviance_slope_and_curvature_of_its_likelihood(u
 def test_a_value_far_outside_its_range_stays_finite(reach):
     for u in (-60.0, 60.0):
         work = working(np.array([u]), np.array([reach]))
-        assert np.isfinite([work.deviance, work.residual[0], work.weight[0]]).all()
+        assert np.isfinite([work.censored_deviance, work.residual[0], work.weight[0]]).all()
 
 
 def test_an_interval_on_a_logarithmic_scale_keeps_its_ends():
     log = Observable("y", "log")
     value, reach = np.array([22.5, 5.0, 12.0]), np.array([2.5, 6.0, np.inf])
-    z, span = censored_scale(log, value, reach)
+    z, span = censor_scale(log, value, reach)
     assert np.exp([z[0] - span[0], z[0] + span[0]]) == pytest.approx([20.0, 25.0])
     assert (np.exp(z[1]), span[1]) == (pytest.approx(11.0), -np.inf)  # from -1 to 11: only the upper end
     assert (np.exp(z[2]), span[2]) == (pytest.approx(12.0), np.inf)
@@ -129,7 +129,7 @@ def test_means_over_common_heaps_are_correlated_by_their_share_of_them():
     # six rows of angle, then six of height; each pair of means of the same four heaps
     wanted = TRUE * np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(6))
     np.testing.assert_allclose(shared(table(6, 4, 1)), wanted, atol=1e-12)
-    fewer = table(1, 4, 1, sd=1.0).rows(np.arange(5))  # four angles and the height of the first heap
+    fewer = table(1, 4, 1, sd=1.0).pick_rows_at(np.arange(5))  # four angles and the height of the first heap
     # angle: mean of four, height: one of them; cov / (s_a s_b) = rho 1 / sqrt(4 * 1)
     assert shared(fewer)[0, 1] == pytest.approx(TRUE / 2.0)
 

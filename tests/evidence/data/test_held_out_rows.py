@@ -8,7 +8,7 @@ import pytest
 
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, record_opening, split_rows
+from taichi_erosion.evidence.data.held_out_rows import count_opening, split_rows, table_digest, vault_openings
 from taichi_erosion.evidence.data.problem import Measurements
 
 OBSERVABLES = ("repose_angle", "pile_height")
@@ -60,9 +60,9 @@ def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
 
 def test_neither_the_order_of_rows_nor_a_second_try_moves_the_split():
     table = measurements(20)
-    shuffled = table.rows(np.random.default_rng(1).permutation(table.size))
+    shuffled = table.pick_rows_at(np.random.default_rng(1).permutation(table.size))
     assert held_out(table) == held_out(table) == held_out(shuffled)
-    assert content_digest(table) == content_digest(shuffled)
+    assert table_digest(table) == table_digest(shuffled)
 
 
 def test_a_named_range_is_held_out_beside_the_fraction_of_the_rest():
@@ -72,12 +72,12 @@ def test_a_named_range_is_held_out_beside_the_fraction_of_the_rest():
 
 
 def test_every_opening_is_counted_for_its_own_table_and_a_damaged_count_is_told(tmp_path):
-    assert openings(tmp_path, "a") == 0
-    assert [record_opening(tmp_path, "a", effect) for effect in ("x", "y")] == [1, 2]
-    assert (openings(tmp_path, "a"), openings(tmp_path, "b")) == (2, 0)
+    assert vault_openings(tmp_path, "a") == 0
+    assert [count_opening(tmp_path, "a", effect) for effect in ("x", "y")] == [1, 2]
+    assert (vault_openings(tmp_path, "a"), vault_openings(tmp_path, "b")) == (2, 0)
     (tmp_path / "vault.json").write_text("[", encoding="utf-8")
     with pytest.raises(BadInput, match="damaged"):
-        openings(tmp_path, "a")
+        vault_openings(tmp_path, "a")
 
 
 @pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))

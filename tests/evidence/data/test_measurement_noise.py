@@ -42,10 +42,10 @@ def test_rows_that_differ_beyond_chance_keep_their_own_variance():
 def test_scatter_that_grows_with_the_value_is_seen():
     value = np.geomspace(1.0, 8.0, ROWS)
     shapes = np.array([np.ones(ROWS), value])
-    grown = measurement_noise.likely_shape(
+    grown = measurement_noise.likeliest_scatter_shape(
         sample_variances(np.random.default_rng(3), 0.1 * value), FREEDOM, shapes
     )
-    flat = measurement_noise.likely_shape(
+    flat = measurement_noise.likeliest_scatter_shape(
         sample_variances(np.random.default_rng(3), np.ones(ROWS)), FREEDOM, shapes
     )
     assert np.all(np.diff(grown)[2:] > 0.0)
@@ -72,7 +72,7 @@ def with_value(problem: Problem, row: int, value: float) -> Problem:
 
 def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
     """By cell, whether its repeats differ by more than chance."""
-    return measurement_noise.gross(*measurement_noise.repeat_groups(z, np.ones(z.size), cell), stated)
+    return measurement_noise.gross_groups(*measurement_noise.group_repeats(z, np.ones(z.size), cell), stated)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laborator
     assert found.suspects == (row + 2,)
     assert found.gap == pytest.approx(30.0, abs=3.0)
     # a row of its own; its sound repeats stay merged
-    assert [after.lines[k] for k in np.flatnonzero(after.suspect)] == [(row + 2,)]
+    assert [after.lines[k] for k in np.flatnonzero(after.rows_to_check)] == [(row + 2,)]
     same = {lines: variance for lines, variance in zip(before.lines, before.variance, strict=True)}
     ratio = [
         variance / same[lines]
@@ -141,7 +141,7 @@ def test_of_a_pair_the_row_far_from_its_neighbours_is_to_be_checked(laboratory, 
     here = np.all([column == column[row] for column in table.conditions.values()], axis=0)
     third = np.flatnonzero(here & (np.array(table.observable) == "repose_angle"))
     left = np.delete(np.arange(table.size), next(each for each in third if each != row))
-    pair = replace(with_value(problem, row, table.value[row] + off).measurements.rows(left), line=())
+    pair = replace(with_value(problem, row, table.value[row] + off).measurements.pick_rows_at(left), line=())
     (found,) = comparison_rows(problem, pair).unmerged
     assert len(found.lines) == 2
     assert found.suspects == (int(np.flatnonzero(left == row)[0]) + 2,)
@@ -153,10 +153,12 @@ def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
         p = []
         for _ in range(400):
             z = 3.0 * random.standard_normal(CELL.size) + size * np.sin(CELL)  # the model is 0
-            error, freedom = measurement_noise.pure_error(z, np.ones(z.size), CELL)
+            error, freedom = measurement_noise.pure_error_squares(z, np.ones(z.size), CELL)
             squares = float(z @ z) - error
-            p.append(measurement_noise.lack_of_fit([(squares, z.size - freedom, error, freedom)]))
+            p.append(measurement_noise.lack_of_fit_p_value([(squares, z.size - freedom, error, freedom)]))
         chances.append(float(np.mean(np.array(p) < 0.05)))
     assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
     assert chances[1] > 0.9
-    assert np.isnan(measurement_noise.lack_of_fit([(0.01, 1.0, 0.0, 2.0)])), "equal repeats tell no scatter"
+    assert np.isnan(measurement_noise.lack_of_fit_p_value([(0.01, 1.0, 0.0, 2.0)])), (
+        "equal repeats tell no scatter"
+    )

@@ -88,7 +88,7 @@ def test_a_curved_law_lies_within_the_stated_sd_as_often_as_it_should_and_is_sur
         asked["two"].psi[:, 1] = strength_position(generator.uniform(0.3, 2.5, 40))
         for name, points in asked.items():
             miss = surface.mean(points) - curved(points)
-            gaps[name].append(miss / np.sqrt(np.diag(surface.uncertainty(points))))
+            gaps[name].append(miss / np.sqrt(np.diag(surface.error_cov(points))))
             misses.append(miss)
     # 90 % are wanted of 12 surfaces, whose own 40 errors hang together: about 60 independent ones, sd 4 %
     shares = {name: float(np.mean(np.abs(found) < 1.645)) for name, found in gaps.items()}
@@ -116,7 +116,7 @@ def test_an_effect_that_saturates_is_predicted_within_the_stated_errors():
         known = np.concatenate([np.zeros(24), tried])
         values = rise(known) + 0.03 * random.standard_normal(known.size)
         process = fit_gaussian_process(along(known), values, nothing)
-        sd = np.sqrt(np.diag(process.uncertainty(along(asked))))
+        sd = np.sqrt(np.diag(process.error_cov(along(asked))))
         off.append((process.mean(along(asked)) - rise(asked)) / sd)
     # 48 errors, of which six hang together: on strengths themselves the mean square is above 2
     assert np.sqrt(np.mean(np.square(off))) < 1.4
@@ -128,5 +128,5 @@ def test_what_a_surface_misses_of_an_effect_widens_it_there_and_not_the_bare_mod
     jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
     surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
     bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
-    assert surface.lack_of_fit(acting).mean() > 0.2
-    assert surface.lack_of_fit(bare).max() < 0.02
+    assert surface.lack_of_fit_sd(acting).mean() > 0.2
+    assert surface.lack_of_fit_sd(bare).max() < 0.02

@@ -39,7 +39,7 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
     assert effect[0, 1] < -0.8
     assert scatter[0, 1] > 0.6
     assert abs(bend[0, 1]) <= 1.0
-    found = joint.covariance([(0, AT), (1, AT)])
+    found = joint.joint_error_covariance([(0, AT), (1, AT)])
     assert np.linalg.eigvalsh(found)[0] > -1e-12
     assert abs(found[1, 3]) > 0.2 * np.sqrt(found[1, 1] * found[3, 3])
 
@@ -47,16 +47,16 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
 def test_the_covariance_is_that_of_drawn_errors(joint):
     random, which = np.random.default_rng(8), np.repeat([0, 1], 2)
     at = module.Values(AT, np.tile([0, 1], 2), which)
-    cross = joint.smooth(at, joint.runs)
-    whole = np.block([[joint.smooth(at, at), cross], [cross.T, joint.prior]])
+    cross = joint.prior_cov(at, joint.all_values)
+    whole = np.block([[joint.prior_cov(at, at), cross], [cross.T, joint.training_value_covariance]])
     drawn = random.multivariate_normal(np.zeros(len(whole)), whole, DRAWS, method="eigh")
     asked = [(0, AT), (1, AT)]
-    errors = drawn[:, :4] - drawn[:, 4:] @ joint.weights(asked).T
+    errors = drawn[:, :4] - drawn[:, 4:] @ joint.training_value_weights(asked).T
     width = np.array([process.width for process in joint.processes])[which]
     lack = np.zeros((4, 4))
     for place, own in ((0, slice(0, 2)), (1, slice(2, 4))):
         lack[own, own] = joint.processes[place].lack_of_fit_covariance(AT)
-    found = joint.covariance(asked) - lack
+    found = joint.joint_error_covariance(asked) - lack
     sd = np.sqrt(np.diag(found))
     error = 4.0 * np.outer(sd, sd) * np.sqrt(2.0 / DRAWS)
     assert np.all(np.abs(np.cov((errors * width).T) - found) < error)
@@ -92,8 +92,8 @@ def test_contrasts_of_runs_tell_the_correlation_of_the_scatter(rho):
 
 
 def test_runs_of_one_scene_are_replicates_of_two_observables():
-    found = emulator.run_replicates(emulators(0.8, 0))
+    found = emulator.replicate_scatter(emulators(0.8, 0))
     assert found.names == ("height", "width")
     np.testing.assert_allclose(found.sd, SMALL, rtol=0.3)
     assert found.correlation[0, 1] == pytest.approx(0.8, abs=0.15)  # 59 degrees of freedom: sd 0.05
-    assert emulator.run_replicates(emulators(0.8, 0, one_scene=False)) is None
+    assert emulator.replicate_scatter(emulators(0.8, 0, one_scene=False)) is None

@@ -140,7 +140,7 @@ def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
     assert loop.discover.named == (NAME,)
     held = loop.adopt.vault
     assert held.chi2_per_row_after < 0.5 * held.chi2_per_row_before
-    fitted = loop.adopt.effects[NAME].interval
+    fitted = loop.adopt.effects[NAME].strength_range
     # the 90 % interval misses one time in ten, three times its half-width once in a million
     assert abs(fitted.value - 1.5) < 1.5 * (fitted.high - fitted.low)
     assert loop.after.p_misfit > 0.01
@@ -230,7 +230,7 @@ def test_an_effect_whose_strong_runs_stop_is_told_and_not_excluded(tmp_path, mon
 def test_doses_keep_the_numbers_that_they_multiply_within_their_usual_range(tmp_path):
     text = STUDY + '[parameters."contact.grain-grain.friction_sliding"]\nstart = 0.9\nlow = 0.5\nhigh = 1.2\n'
     first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0, text=text)), (), "quick")
-    doses = {each.name: (each.low, each.high) for each in training_runs.with_mechanisms(first).mechanisms}
+    doses = {each.name: (each.low, each.high) for each in training_runs.add_dose_runs(first).mechanisms}
     assert doses["sliding_friction"] == pytest.approx((-0.95, 1.5 / 0.9 - 1.0))
     assert doses["restitution"][1] == pytest.approx(1.0 / 0.5 - 1.0)
     assert doses["gap_pull"] == (0.0, 100.0)
@@ -289,16 +289,16 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
 
 def test_a_factor_of_a_calibrated_number_is_that_number_and_doses_go_both_ways(tmp_path):
     first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0)), (), "quick")
-    (scene,) = (wider := training_runs.with_mechanisms(first)).scenes
-    factors = design.calibrated_factors(scene)
+    (scene,) = (wider := training_runs.add_dose_runs(first)).scenes
+    factors = design.mechanisms_scaling_numbers(scene)
     assert factors == {"rolling_friction": FRICTION}
     axes = tuple(axis for axis in scene.axes if axis.name == FRICTION)
     inputs = EmulatorInputs(scene, axes, {}, (), ("stiffness",), factors)
-    halved = inputs.points(1, {}, {FRICTION: np.full(1, 0.2)}, {"rolling_friction": np.full(1, -0.5)})
-    np.testing.assert_allclose(halved.x, inputs.points(1, {}, {FRICTION: np.full(1, 0.1)}, {}).x)
+    halved = inputs.standardise(1, {}, {FRICTION: np.full(1, 0.2)}, {"rolling_friction": np.full(1, -0.5)})
+    np.testing.assert_allclose(halved.x, inputs.standardise(1, {}, {FRICTION: np.full(1, 0.1)}, {}).x)
     assert not halved.psi.any()
     for each in wider.mechanisms:
-        doses = [design.strength_at(each, share) for share in (0.0, 0.25, 0.75, 1.0)]
+        doses = [design.strength_at_share(each, share) for share in (0.0, 0.25, 0.75, 1.0)]
         np.testing.assert_allclose((doses[0], doses[-1]), (each.low, each.high))
         assert (doses[1] < 0.0) == (each.low < 0.0)
         assert doses[2] > 0.0

@@ -135,7 +135,7 @@ def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path):
     study = load_study(tmp_path / "heap.toml")
     assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
     assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
-    errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
+    errors = condition_errors(comparison_rows(study.problem, study.problem.visible_rows()))
     assert errors.sd["diameter"] == pytest.approx(2e-5)
 
 

@@ -34,7 +34,7 @@ def test_only_the_seeds_that_are_missing_are_run_in_this_process_or_a_later_one(
     again = ask(remembered, seeds=(2, 5, 1))
     assert np.array_equal(again[[2, 0]], first)
     assert again[1, 0] == 5.0
-    remembered.store.commit()
+    remembered.store.commit_runs()
     later, _ = counted()
     assert np.array_equal(ask(later), first)
     assert calls == [2, 1]

@@ -78,7 +78,7 @@ def test_a_column_sets_a_declared_condition_in_its_unit_and_effects_read_it_in_s
     found = study(tmp_path)
     column = found.problem.measurements.conditions["roots"]
     assert column == pytest.approx([0.0, 4.0, 0.0])  # g/cm3 in the table, mg/cm3 in the scene
-    known = found.simulator.known_conditions({"conditions.root_density": column}, tmp_path / "heap.toml")
+    known = found.simulator.stated_columns({"conditions.root_density": column}, tmp_path / "heap.toml")
     assert known["root_density"] == pytest.approx([0.0, 4.0, 0.0])  # kg m-3
     _, rooted, _ = overrides(tmp_path, constant_pull=1.0)
     assert "conditions.root_density=4.0" in rooted

@@ -12,10 +12,10 @@ import pytest
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
-from taichi_erosion.evidence.data.measured import read_table, study_measurements
+from taichi_erosion.evidence.data.measured import read_measured, study_measurements
 from taichi_erosion.evidence.models.load_study import load_study
-from taichi_erosion.evidence.models.table_columns import place_units, read_new_conditions
-from taichi_erosion.scene.paths import options, scene_schema, unit_of_path
+from taichi_erosion.evidence.models.table_columns import condition_units, read_new_conditions
+from taichi_erosion.scene.paths import options, scene_schema, unit_at_path
 from tests.evidence.small_study import write_study
 
 # unit of a place -> unit of a column, the number there, and the number at the place
@@ -52,7 +52,7 @@ def leaves(node: dict[str, Any], path: str = "") -> Iterator[str]:
 EFFECTS = load_library().values()
 NUMBERS = [(f"effects.{e.name}.strength", "1") for e in EFFECTS]
 NUMBERS += [(f"effects.{e.name}.{f.name}", f.metadata["unit"]) for e in EFFECTS for f in fields(e.params)]
-SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(scene_schema()))]
+SCENE = [(path, unit_at_path(path)) for path in dict.fromkeys(leaves(scene_schema()))]
 PLACES = [(path, unit) for path, unit in (*SCENE, *NUMBERS) if unit not in NO_NUMBER]
 
 
@@ -69,8 +69,8 @@ def study(**conditions: str) -> StudyFile:
 def converted(folder: Path, heading: str, number: float, place: str) -> float:
     """A number of a table of one row, as the model gets it."""
     (folder / "t.csv").write_text(f"observable,value,unit,{heading}\npile_height,1,m,{number!r}\n", "utf-8")
-    file, table = study(x=place), read_table(folder / "t.csv", "t.csv")
-    rows, _ = study_measurements(table, file, "study.toml", place_units(file, folder / "study.toml"))
+    file, table = study(x=place), read_measured(folder / "t.csv", "t.csv")
+    rows, _ = study_measurements(table, file, "study.toml", condition_units(file, folder / "study.toml"))
     return float(rows.conditions["x"][0])
 
 
@@ -117,7 +117,7 @@ def read(small, tmp_path):
 
     def found(text, measurements=small.problem.measurements):
         (tmp_path / "at.csv").write_text(text, encoding="utf-8")
-        places = place_units(small.file, small.path)
+        places = condition_units(small.file, small.path)
         return read_new_conditions(tmp_path / "at.csv", small.file, places, measurements, tmp_path)
 
     return found

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.race.decision import ERRORS, decide, posterior_under, probability, sensitivity
+from taichi_erosion.evidence.race.decision import ERRORS, any_acts, decide_cause, sensitivity, with_priors
 from taichi_erosion.evidence.race.fit import OUTSIDE
 from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import PRIORS, Priors
@@ -23,7 +23,7 @@ def race_under(priors: Priors) -> Posterior:
 
 def shares(posterior: Posterior) -> list[float]:
     names = posterior.race.model.candidates
-    return [*(probability(posterior, [name]) for name in names), probability(posterior, [OUTSIDE])]
+    return [*(any_acts(posterior, [name]) for name in names), any_acts(posterior, [OUTSIDE])]
 
 
 @pytest.mark.parametrize("names", [("typical",), ERRORS, ("step",), ("unlisted",)])
@@ -31,9 +31,9 @@ def shares(posterior: Posterior) -> list[float]:
 def test_explanations_that_are_solved_anew_have_the_shares_of_a_whole_race(names, factor):
     priors = replace(PRIORS, **{name: factor * getattr(PRIORS, name) for name in names})
     usual = race_under(PRIORS)
-    found, whole = shares(posterior_under(usual, priors)), shares(race_under(priors))
+    found, whole = shares(with_priors(usual, priors)), shares(race_under(priors))
     assert found == pytest.approx(whole, abs=0.03)  # which also searches anew
-    assert posterior_under(usual, PRIORS).probability == pytest.approx(usual.probability, abs=1e-12)
+    assert with_priors(usual, PRIORS).probability == pytest.approx(usual.probability, abs=1e-12)
 
 
 def test_odds_that_are_doubled_double_the_odds():
@@ -48,13 +48,13 @@ def test_odds_that_are_doubled_double_the_odds():
 
 def rescored(wanted: str) -> list[Posterior]:
     usual = race_under(PRIORS)
-    return [there for key, there, _ in sensitivity(usual, decide(usual)) if key == wanted]
+    return [there for key, there, _ in sensitivity(usual, decide_cause(usual)) if key == wanted]
 
 
 def test_what_is_told_after_fresh_runs_stands_where_the_race_decides_alike():
     usual = race_under(PRIORS)
-    told = replace(decide(usual), verdict="group", group=("a", "b"))
-    found = [decision.part for _, _, decision in sensitivity(usual, told)]
+    told = replace(decide_cause(usual), verdict="group", group=("a", "b"))
+    found = [decision.decision_record for _, _, decision in sensitivity(usual, told)]
     moved = [each for each in found if each.group != ("a", "b")]
     assert len(found) == 10
     assert len(moved) < len(found)

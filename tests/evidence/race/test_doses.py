@@ -13,15 +13,15 @@ from doe.trials.reduced import beyond
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import discover_record
 from taichi_erosion.evidence.answers.rounds import StudyInference
-from taichi_erosion.evidence.answers.summary import law_part
+from taichi_erosion.evidence.answers.summary import mechanism_part_with_law
 from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
-from taichi_erosion.evidence.models.prepared_problem import prepare
-from taichi_erosion.evidence.race.blocks import dose_columns
-from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.dose_laws import law_of
-from taichi_erosion.evidence.race.doses import dosings
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem
+from taichi_erosion.evidence.race.blocks import dose_factors
+from taichi_erosion.evidence.race.decision import decide_cause
+from taichi_erosion.evidence.race.dose_laws import dose_law_of_fit
+from taichi_erosion.evidence.race.doses import all_dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import Race, from_axis
+from taichi_erosion.evidence.race.fit import Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import infer
 from taichi_erosion.evidence.record import MechanismPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
@@ -34,13 +34,13 @@ CASE = 5058  # restitution that grows with moisture
 def test_a_mechanism_is_told_with_its_doses():
     problem, truth = beyond.draw(CASE)
     posterior = infer(problem, 58)
-    found = decide(posterior)
+    found = decide_cause(posterior)
     assert (found.verdict, found.acting_mechanisms) == ("outside_library", (truth.name,))
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
     assert fit.hypothesis.along == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
-    assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
+    assert np.max(np.abs(axis_to_dose(fit.dose.w) - true)) < 0.35 * np.max(true)
     record = discover_record(StudyInference(posterior, found))
     assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
     assert truth.condition in discover_answer(record, VOC).lines[0]
@@ -49,7 +49,7 @@ def test_a_mechanism_is_told_with_its_doses():
 @pytest.mark.parametrize("case", [3, 62])  # no search from 0 at the numbers of the prior reaches them
 def test_the_search_reaches_doses_that_are_far_from_0(case: int) -> None:
     problem, truth = beyond.draw(case)
-    assert truth.name in decide(infer(problem, 58)).acting_mechanisms
+    assert truth.name in decide_cause(infer(problem, 58)).acting_mechanisms
 
 
 def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
@@ -64,7 +64,7 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
     assert fits
     for fit in fits:
         size = np.sqrt(np.sum(fit.errors**2, axis=1))
-        np.testing.assert_allclose(size, 0.01 * np.abs(from_axis(fit.dose.w)), atol=1e-4)
+        np.testing.assert_allclose(size, 0.01 * np.abs(axis_to_dose(fit.dose.w)), atol=1e-4)
 
 
 def test_a_model_that_takes_doses_for_each_row_answers_as_one_that_takes_one():
@@ -77,12 +77,12 @@ def test_a_model_that_takes_doses_for_each_row_answers_as_one_that_takes_one():
 
         return np.hstack([value(row) for row in range(at["moisture"].size)])
 
-    prepared = prepare(problem, problem.visible(), 58)
+    prepared = prepare_problem(problem, problem.visible_rows(), 58)
     own = replace(prepared.predictor, model=by_row, cache={})
     rows = replace(prepared, problem=replace(problem, model=by_row, dosed_by_row=True), predictor=own)
     doses = np.linspace(0.0, 0.8, prepared.rows.size).round(1)
-    both, v = {truth.name: doses, "drag": doses[::-1]}, np.zeros(len(prepared.axes))
-    np.testing.assert_allclose(*(RaceModel(each).mean((), v, both) for each in (rows, prepared)))
+    both, v = {truth.name: doses, "drag": doses[::-1]}, np.zeros(len(prepared.parameter_axes))
+    np.testing.assert_allclose(*(RaceModel(each).predict_mean((), v, both) for each in (rows, prepared)))
 
 
 @pytest.mark.parametrize("second", ["bed_stress", "dry_cohesion"])
@@ -95,7 +95,7 @@ def test_two_mechanisms_and_a_mechanism_beside_a_listed_effect_are_both_told(sec
         at = {key: column[[row]] for key, column in table.conditions.items()}
         acting = {truth.name: size, second: 1.2 if listed else 0.8 * size}
         value[row] += beyond.reduced_places.expected(name, at, truth.parameters, acting)[0] - table.value[row]
-    found = decide(infer(replace(problem, measurements=replace(table, value=value)), 58))
+    found = decide_cause(infer(replace(problem, measurements=replace(table, value=value)), 58))
     assert {*found.named, *found.acting_mechanisms} == {truth.name, second}
     assert (found.together, bool(found.named)) == (not listed, listed)
 
@@ -103,7 +103,7 @@ def test_two_mechanisms_and_a_mechanism_beside_a_listed_effect_are_both_told(sec
 def test_a_dose_is_zero_where_its_condition_is():
     problem, _ = beyond.draw(CASE)
     rows = infer(problem, 58, most=60).race.prepared.rows
-    kernels = dose_columns(rows, np.ones(rows.size, dtype=np.bool_))
+    kernels = dose_factors(rows, np.ones(rows.size, dtype=np.bool_))
     dry = rows.conditions["moisture"] == 0.0
     assert dry.any()
     np.testing.assert_allclose(kernels["moisture"][dry], 0.0, atol=1e-6)
@@ -141,9 +141,9 @@ def test_a_mechanism_that_cannot_reach_the_rows_is_not_told_and_its_doses_stay_i
     found = {}
     for high in (10.0, 0.05):
         posterior = infer(pulled_rows(np.random.default_rng(1), 1.5, high), 1)
-        found[high] = decide(posterior)
+        found[high] = decide_cause(posterior)
         fits = [fit for fit in posterior.race.fits.values() if fit.dose is not None]
-        assert max(float(from_axis(fit.w).max()) for fit in fits) < 1.2 * high
+        assert max(float(axis_to_dose(fit.w).max()) for fit in fits) < 1.2 * high
     assert found[10.0].acting_mechanisms == ("pull",)
     assert (found[0.05].verdict, found[0.05].acting_mechanisms) == ("outside_library", ())
 
@@ -151,14 +151,14 @@ def test_a_mechanism_that_cannot_reach_the_rows_is_not_told_and_its_doses_stay_i
 def law(exponent: float, seed: int, apart: bool = False) -> tuple[MechanismPart, int]:
     """The law of rows made with an exponent, and the settings that it took; `apart`: no row has both."""
     problem = pulled_rows(np.random.default_rng(seed), exponent, 10.0, apart)
-    prepared = prepare(problem, problem.measurements, seed)
+    prepared = prepare_problem(problem, problem.measurements, seed)
     race = Race(prepared, RaceModel(prepared))
-    bare = race.fit_bare(0.0)
-    pull = dosings(race, dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_)))[0]
+    bare = race.fit_bare_model(0.0)
+    pull = all_dosings(race, dose_factors(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_)))[0]
     fit = pull.optimise(bare, bare.w)
     before = race.model.settings
-    assert law_of(race, bare) is None
-    return law_part(law_of(race, fit), 0.9), race.model.settings - before
+    assert dose_law_of_fit(race, bare) is None
+    return mechanism_part_with_law(dose_law_of_fit(race, fit), 0.9), race.model.settings - before
 
 
 @pytest.mark.parametrize("exponent", [1.3, -0.8])

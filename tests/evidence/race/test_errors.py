@@ -7,7 +7,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
-from taichi_erosion.evidence.answers.commands import adopt_record
+from taichi_erosion.evidence.answers.commands import adoption_record
 from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -17,7 +17,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     Vault,
 )
-from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.race.posterior import infer, quantiles
 from taichi_erosion.evidence.record import ErrorPart, Record
 from taichi_erosion.evidence.words.answer_lines import discover_answer
@@ -84,7 +84,7 @@ def test_a_row_that_is_off_on_a_logarithmic_scale_is_told_in_its_unit():
     value = problem.measurements.value.copy()
     value[5] *= 2.0
     (found,) = (each for each in told(problem, value=value).errors if each.kind == "row")
-    assert found.label == str(problem.measurements.lines[5])
+    assert found.label == str(problem.measurements.table_line_numbers[5])
     assert found.value == pytest.approx(0.5 * value[5], rel=0.1)
 
 
@@ -148,8 +148,8 @@ def heaps(seed: int, named: bool = True, strength: float = 0.0) -> Problem:
 
 
 def test_rows_of_one_heap_are_whitened_together():
-    prepared = prepare(problem := heaps(0), problem.measurements, 1)
-    white = prepared.white(np.eye(prepared.rows.size))
+    prepared = prepare_problem(problem := heaps(0), problem.measurements, 1)
+    white = prepared.whiten(np.eye(prepared.rows.size))
     whole = white @ (np.diag(prepared.variance) + prepared.rows.covariance) @ white.T
     np.testing.assert_allclose(whole, np.eye(len(white)), atol=1e-8)
 
@@ -179,7 +179,7 @@ def line(seed: int, classical: bool) -> Problem:
 
 @pytest.mark.parametrize("classical", [True, False])
 def test_intervals_hold_the_slope_where_the_condition_was_measured_and_where_it_was_set(classical: bool):
-    found = [quantiles(*infer(line(100 + k, classical), 1).strength("slope")) for k in range(TABLES)]
+    found = [quantiles(*infer(line(100 + k, classical), 1).strength_draws("slope")) for k in range(TABLES)]
     held = sum(low <= SLOPE <= high for low, _, high in found)
     assert held >= 18, "fewer of 24 come with a probability of 0.7 % at 0.9"
 
@@ -250,7 +250,7 @@ def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
-    found = adopt_record(infer(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
+    found = adoption_record(infer(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
     assert found.vault.chi2_per_row_after < 3.0 < found.vault.chi2_per_row_before
     assert found.p_misfit_after > 0.01
     assert found.effects["bend"].strength_low < 1.0 < found.effects["bend"].strength_high
@@ -261,7 +261,7 @@ def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains()
     soils = tuple(f"soil {k * 6 // COUNT}" for k in range(COUNT))
     hidden = Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
     problem = replace(problem, measurements=replace(table, group=soils), vault=hidden)
-    held = adopt_record(infer(problem, 3), ("bend",), 1).vault
+    held = adoption_record(infer(problem, 3), ("bend",), 1).vault
     assert held.chi2_per_row_after < 2.0 < 10.0 < held.chi2_per_row_before
 
 
@@ -269,7 +269,7 @@ def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
     problem = off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))
     table = problem.measurements
     table = replace(table, value=table.value + 1.5 * np.cos(9.0 * table.conditions["x"]))
-    found = adopt_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
+    found = adoption_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
     assert found.vault.chi2_per_row_after < found.vault.chi2_per_row_before
     assert found.p_misfit_after < 0.01
 

@@ -36,31 +36,31 @@ def test_likelihood_is_that_of_a_normal_distribution():
     expected = (
         -0.5 * table.y @ np.linalg.solve(whole, table.y) - 0.5 * np.linalg.slogdet(2.0 * np.pi * whole)[1]
     )
-    found = table.posterior_at(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
+    found = table.at_scales(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
     assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_posterior_and_residual_are_those_of_the_covariance():
     table, (g, h) = rows(), np.random.default_rng(1).standard_normal((2, 14))
-    now, inverse = table.posterior_at(U), np.linalg.inv(covariance(rows(), U))
-    residual, diagonal = now.precision
+    now, inverse = table.at_scales(U), np.linalg.inv(covariance(rows(), U))
+    residual, diagonal = now.whitened
     np.testing.assert_allclose(residual, inverse @ table.y, atol=1e-10)
     np.testing.assert_allclose(diagonal, np.diag(inverse), atol=1e-10)
-    along, gram = now.against(np.column_stack([g, h]))
+    along, gram = now.project(np.column_stack([g, h]))
     np.testing.assert_allclose(along, [g @ inverse @ table.y, h @ inverse @ table.y], atol=1e-10)
     assert gram[0, 1] == pytest.approx(g @ inverse @ h, abs=1e-10)
 
 
 def test_slopes_and_expected_curvature():
     table = rows()
-    gradient, curvature = table.posterior_at(U).derivatives()
+    gradient, curvature = table.at_scales(U).gradient_and_curvature()
     steps = np.eye(4) * 1e-5
-    numeric = [(table.posterior_at(U + h).value - table.posterior_at(U - h).value) / 2e-5 for h in steps]
+    numeric = [(table.at_scales(U + h).value - table.at_scales(U - h).value) / 2e-5 for h in steps]
     np.testing.assert_allclose(gradient, numeric, rtol=1e-5, atol=1e-6)
     inverse = np.linalg.inv(covariance(table, U))
     slopes = [(covariance(table, U + h) - covariance(table, U - h)) / 2e-5 for h in steps]
     expected = [[0.5 * np.trace(inverse @ a @ inverse @ b) for b in slopes] for a in slopes]
-    bend = np.diag(np.maximum(SCALES.log_prior(U)[2], 0.02))
+    bend = np.diag(np.maximum(SCALES.log_prior_of_scales(U)[2], 0.02))
     np.testing.assert_allclose(curvature - bend, expected, rtol=1e-5, atol=1e-7)
 
 
@@ -74,7 +74,7 @@ def test_a_level_is_integrated_over_its_heavy_tail():
         scale("level", cauchy=0.25) + scale("scatter", doubt=0.35),
         np.ones(size),
     )
-    far, near = (evidence(t, t.scales.start, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
+    far, near = (evidence(t, t.scales.initial, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
     # a level of six standard errors costs its prior, not its misfit of 430 / 2
     assert 1.0 < near.log_evidence - far.log_evidence < 8.0
     assert far.solution.u[0] > 0.5
@@ -82,10 +82,10 @@ def test_a_level_is_integrated_over_its_heavy_tail():
 
 def test_one_bad_row_is_found_and_weighs_little():
     table = rows(size=24)
-    clean = evidence(table, table.scales.start, 20)
+    clean = evidence(table, table.scales.initial, 20)
     y = table.y.copy()
     y[9] += 12.0
-    dirty = evidence(replace(table, y=y), table.scales.start, 20)
+    dirty = evidence(replace(table, y=y), table.scales.initial, 20)
     assert (clean.bad, dirty.bad) == (frozenset(), {9})
     assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD**-2)
     np.testing.assert_allclose(dirty.solution.centre[:2], clean.solution.centre[:2], atol=0.25)

@@ -8,7 +8,7 @@ from scipy import integrate, stats
 
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
-from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.decision import decide_cause
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import SURE
@@ -82,7 +82,7 @@ def test_chances_rise_and_an_answer_that_all_explanations_share_is_no_decision()
 
 def undecided(problem: Problem) -> Posterior:
     found = infer(problem, 1)
-    assert decide(found).verdict != "present"
+    assert decide_cause(found).verdict != "present"
     return found
 
 
@@ -104,11 +104,11 @@ def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_the
     first = told[0]
     assert abs(first.conditions["x"]) == pytest.approx(3.0)
     assert {"slope", "cube"} <= set(first.predictions)
-    assert decide(infer(measured(problem, told, 0.3), 1)).named == ("slope",)
+    assert decide_cause(infer(measured(problem, told, 0.3), 1)).named == ("slope",)
 
 
 def test_a_decided_study_and_one_of_copies_ask_for_nothing():
     decided = infer(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
-    assert decide(decided).named == ("slope",)
+    assert decide_cause(decided).named == ("slope",)
     copies = undecided(linear_problem({"slope": lambda x: x, "copy": lambda x: x}, {"slope": 0.6}))
     assert proposals(decided, WIDE) == proposals(copies, WIDE) == ()

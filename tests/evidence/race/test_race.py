@@ -14,7 +14,7 @@ from doe.trials.reduced.families import FAMILIES, Drawn
 from doe.trials.reduced.laboratory import CaseModel
 from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.problem import Candidate, Numbers, Problem
-from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.decision import Decision, decide_cause
 from taichi_erosion.evidence.race.posterior import Posterior, infer, quantiles
 from taichi_erosion.evidence.record import Record
 from tests.evidence.linear_study import linear_problem
@@ -30,7 +30,7 @@ def case(number: int) -> Drawn:
 @cache
 def answered(number: int) -> tuple[Posterior, Decision]:
     posterior = infer(case(number).problem, number)
-    return posterior, decide(posterior)
+    return posterior, decide_cause(posterior)
 
 
 @pytest.mark.parametrize("number", [NULL, NOISY])
@@ -47,8 +47,8 @@ def test_the_effect_that_acts_is_named_with_its_strength():
     posterior, found = answered(SINGLE)
     (name, strength), *_ = case(SINGLE).truth["effects"].items()
     assert found.named == (name,)
-    low, _, high = quantiles(*posterior.strength(name))
-    assert low < strength < high < posterior.race.model.largest(name)
+    low, _, high = quantiles(*posterior.strength_draws(name))
+    assert low < strength < high < posterior.race.model.largest_strength(name)
 
 
 def test_what_no_list_holds_is_told_as_such():
@@ -67,7 +67,7 @@ def test_a_twin_of_what_acts_makes_a_group():
             return problem.model(observable, conditions, parameters, effects, seeds)
 
     twins = replace(problem, model=Twinned(), candidates=(*problem.candidates, Candidate("twin")))
-    found = decide(infer(twins, SINGLE))
+    found = decide_cause(infer(twins, SINGLE))
     assert (set(found.group), found.named) == ({name, "twin"}, ())
 
 
@@ -75,21 +75,21 @@ def test_an_answer_at_the_cap_is_told_as_such():
     posterior = infer(case(SINGLE).problem, SINGLE, most=60)
     assert posterior.race.out_of_budget
     assert (posterior.race.model.settings, summary(posterior).stopped) == (60, "budget")
-    assert decide(posterior).probabilities["none"] < 0.1  # what is known by then already
+    assert decide_cause(posterior).probabilities["none"] < 0.1  # what is known by then already
 
 
 def test_a_number_that_repeats_leave_to_a_level_keeps_its_width():
     posterior, _ = answered(NULL)
-    values, weight = posterior.numbers
+    values, weight = posterior.number_draws
     truth = case(NULL).truth["parameters"]
-    for axis, column in zip(posterior.race.prepared.axes, values.T, strict=True):
+    for axis, column in zip(posterior.race.prepared.parameter_axes, values.T, strict=True):
         low, _, high = quantiles(column, weight, (0.005, 0.5, 0.995))
         assert low < truth[axis.name] < high
 
 
 def test_a_strength_beyond_the_limit_of_the_list_lies_in_its_interval():
     problem = linear_problem({"wave": lambda x: np.sin(3.0 * x)}, {"wave": 5.0})
-    strength = summary(infer(problem, 0)).effects["wave"].interval
+    strength = summary(infer(problem, 0)).effects["wave"].strength_range
     assert 3.0 < strength.low < strength.value < strength.high
     assert strength.low < 5.0 < strength.high
 
@@ -124,8 +124,8 @@ def plain() -> Record:
 
 
 def reordered(problem: Problem) -> Problem:
-    order = np.random.default_rng(3).permutation(problem.visible().size)
-    rows = problem.visible().rows(order)
+    order = np.random.default_rng(3).permutation(problem.visible_rows().size)
+    rows = problem.visible_rows().pick_rows_at(order)
     hidden = replace(problem.vault, rows=np.zeros(0, dtype=np.int64))
     return replace(problem, measurements=rows, candidates=problem.candidates[::-1], vault=hidden)
 

@@ -8,17 +8,17 @@ from scene_tables import changed, good_table, softened
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.effect_library import load_library
-from taichi_erosion.scene import build_setup, laws, parse_scene, scene_hash
+from taichi_erosion.scene import laws, parse_scene, replica_setup, scene_hash
 from taichi_erosion.scene.change import with_contacts
-from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
-from taichi_erosion.scene.preparation.limits import explain
+from taichi_erosion.scene.preparation.contacts import contact_table, effective_young_modulus
+from taichi_erosion.scene.preparation.limits import step_report
 from taichi_erosion.simulation.scene_setup import device_effects
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
 
 
 def contacts_of(table: dict[str, Any]):
-    return build_setup(parse_scene(table), 1).contacts
+    return replica_setup(parse_scene(table), 1).contacts
 
 
 def test_effective_moduli_are_those_of_two_springs_in_series():
@@ -52,7 +52,7 @@ def test_sticking_velocity_softening_scales_the_surface_energy_by_stiffness_to_t
     assert found[soils] == pytest.approx(0.02 * 1000.0**-0.4)
     materials = parse_scene(table).materials
     stiff = parse_scene(changed("materials.soil.shear_modulus", 1e10)).materials["soil"]
-    soft, hard = (young_effective(soil, materials["steel"]) for soil in (materials["soil"], stiff))
+    soft, hard = (effective_young_modulus(soil, materials["steel"]) for soil in (materials["soil"], stiff))
     assert found[wall] == pytest.approx(0.02 * (soft / hard) ** 0.4)
 
 
@@ -69,7 +69,7 @@ def test_larger_grains_keep_the_stress_of_adhesion_or_its_bond_number(rule: str,
         table["laws"]["normal"] = "jkr"
         table["contact"]["soil-soil"]["surface_energy"] = 1e-4
         scene = parse_scene(table, overrides=["run.force_time_step=true"])
-        numbers.append(explain(scene)["adhesion"])
+        numbers.append(step_report(scene)["adhesion"])
         pulls.append([effect.constants["pull"] for effect in device_effects(scene, load_library(), diameter)])
     true, large = numbers
     assert large["surface_energy"] == pytest.approx(scale * 1e-4)
@@ -95,7 +95,7 @@ def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effec
     found = contacts_of(table).friction_rolling
     assert found[pair_row(SOIL, SOIL, 2)] == pytest.approx(2.0 * 0.69)
     assert found[pair_row(SOIL, STEEL, 2)] == 0.41
-    assert explain(parse_scene(table))["rolling"] == [
+    assert step_report(parse_scene(table))["rolling"] == [
         "soil-soil: friction_rolling 1.38, which is 0.69 in EDEM (equal grains)",
         "steel-soil: friction_rolling 0.41, which is 0.41 in EDEM",
     ]
@@ -116,6 +116,6 @@ def test_an_effect_adds_the_same_rolling_friction_in_either_convention():
 
 def test_gravity_starts_along_its_direction_and_laws_are_those_of_the_scene():
     table = changed("gravity", {"magnitude": 1.62, "direction": [0.0, 3.0, -4.0]})
-    assert build_setup(parse_scene(table), 1).gravity == pytest.approx((0.0, 0.6 * 1.62, -0.8 * 1.62))
+    assert replica_setup(parse_scene(table), 1).gravity == pytest.approx((0.0, 0.6 * 1.62, -0.8 * 1.62))
     chosen = laws(parse_scene(softened("bond_number", 0.02)))
     assert (chosen.normal, chosen.rolling, chosen.friction_cap) == ("jkr", "elastic_plastic", "thornton")

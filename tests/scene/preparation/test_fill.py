@@ -15,10 +15,10 @@ from scipy.spatial import KDTree
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import GrainTable, Setup
 from taichi_erosion.effect_library import load_library
-from taichi_erosion.scene import build_setup, explain, parse_scene, scene_hash
+from taichi_erosion.scene import parse_scene, replica_setup, scene_hash, step_report
 from taichi_erosion.scene.change import SAMPLE, with_section
-from taichi_erosion.scene.preparation.fill import initial_bodies, inlets_from
-from taichi_erosion.scene.preparation.setup import joined_grains
+from taichi_erosion.scene.preparation.fill import initial_bodies, pour_with_inlets_open
+from taichi_erosion.scene.preparation.setup import append_grains_by_release
 from taichi_erosion.simulation.scene_setup import effective_scene
 
 RAIN = {"law": "rain", "pitch_d": 1.15, "jitter_d": 0.05, "radius_d": 8.4}
@@ -29,7 +29,7 @@ DIAMETER = 1.5e-3
 
 
 def grains_of(table: dict[str, Any], seed: int = 1) -> GrainTable:
-    return build_setup(parse_scene(table), seed).grains
+    return replica_setup(parse_scene(table), seed).grains
 
 
 def equal_grains(fill: dict[str, Any], count: int) -> dict[str, Any]:
@@ -159,9 +159,9 @@ GROWN = ("sheltering", "sieve_diameter", "grain_shape")
 )
 def test_coarse_and_spread_grains_start_clear_and_as_low_as_equal_ones(name: str, strength: float):
     table = SAMPLE | {"grains": SAMPLE["grains"] | {"count": 300}}
-    equal = build_setup(parse_scene(table), 3).grains
+    equal = replica_setup(parse_scene(table), 3).grains
     scene = effective_scene(parse_scene(table | {"effects": {name: {"strength": strength}}}), load_library())
-    grains = build_setup(scene, 3).grains
+    grains = replica_setup(scene, 3).grains
     net = scene.fill.pitch / parse_scene(table).fill.pitch  # wider for larger grains of one size alone
     assert np.all(np.hypot(*grains.position[:, :2].T) + grains.radius <= 5e-3)
     assert np.all(grains.position[:, 2] >= grains.radius)
@@ -200,7 +200,7 @@ def table_of_inlets(inlets: dict[str, dict[str, Any]], **grains: Any) -> dict[st
 
 
 def build_inlets(inlets: dict[str, dict[str, Any]], **grains: Any) -> Setup:
-    return build_setup(parse_scene(table_of_inlets(inlets, **grains)), 1)
+    return replica_setup(parse_scene(table_of_inlets(inlets, **grains)), 1)
 
 
 def test_several_inlets_share_the_grains_each_in_its_shape_from_its_time_on_at_its_rate():
@@ -226,11 +226,11 @@ def test_several_inlets_share_the_grains_each_in_its_shape_from_its_time_on_at_i
 
 def test_grains_that_come_later_pass_the_inlets_then_open_among_those_that_wait():
     scene = parse_scene(table_of_inlets(SHAPES))
-    before, few = build_setup(scene, 1).grains, scene.grains.model_copy(update={"count": 40})
+    before, few = replica_setup(scene, 1).grains, scene.grains.model_copy(update={"count": 40})
     now = float(before.release_time[700])
-    fill = inlets_from(scene, now, (), "line", now)
-    new = build_setup(scene.model_copy(update={"fill": fill, "grains": few}), 2).grains
-    joined = joined_grains(before, 700, new)
+    fill = pour_with_inlets_open(scene, now, (), "line", now)
+    new = replica_setup(scene.model_copy(update={"fill": fill, "grains": few}), 2).grains
+    joined = append_grains_by_release(before, 700, new)
     assert np.array_equal(joined.radius[:700], before.radius[:700])
     assert np.all(np.diff(joined.release_time[700:]) >= 0.0)
     late = np.isin(joined.radius, new.radius)
@@ -251,9 +251,9 @@ def test_a_kind_passes_the_inlets_that_let_it_pass():
 
 
 def test_an_inlet_that_cannot_keep_its_rate_is_told():
-    warnings = explain(parse_scene(table_of_inlets({"thin": SHAPES["line"] | {"rate": 1e5}})))["warnings"]
+    warnings = step_report(parse_scene(table_of_inlets({"thin": SHAPES["line"] | {"rate": 1e5}})))["warnings"]
     assert any(line.startswith("fill.inlets.thin: about") for line in warnings)
-    quiet = explain(parse_scene(table_of_inlets(SHAPES)))["warnings"]
+    quiet = step_report(parse_scene(table_of_inlets(SHAPES)))["warnings"]
     assert not any(line.startswith("fill.inlets") for line in quiet)
 
 
@@ -291,7 +291,7 @@ def test_a_closed_mesh_lets_whole_grains_in_as_a_box_would_at_its_rate(tmp_path:
         {n: {"mesh": mesh | {"file": f"{n}.stl"}, "rate": 2e3} for n in ("box", "turned")}
     )
     scene = parse_scene(table, "s.toml", tmp_path)
-    grains, name = build_setup(scene, 1).grains, scene_hash(scene)
+    grains, name = replica_setup(scene, 1).grains, scene_hash(scene)
     share = (grains.position - mesh["translate"]) / ([15e-3, 10e-3, 5e-3] - grains.radius[:, None])
     assert np.abs(share).max() <= 1.0 + 1e-9
     for column in share.T:

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import kstest, truncnorm
 
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.preparation import sizes
 from taichi_erosion.scene.preparation.fill import stream
-from taichi_erosion.scene.preparation.sizes import quadrature, template_spheres
+from taichi_erosion.scene.preparation.sizes import spheres_of_clump, union_body
 from taichi_erosion.scene.schema.grains import Clump, Size
 
 MANY = 200_000
@@ -34,7 +34,7 @@ def drawn(table: dict[str, Any], count: int = MANY, seed: int = 1) -> np.ndarray
 @pytest.mark.parametrize("table", [COARSE, NARROW])
 def test_the_mass_on_each_sieve_is_that_of_the_table(table: dict[str, Any]):
     diameter = drawn(table)
-    for low, high, share in sizes.sieve_classes(size_of(table)):
+    for low, high, share in sizes.sieve_size_classes(size_of(table)):
         caught = np.where((diameter >= low) & (diameter < high), diameter**3, 0.0)
         # standard error of a ratio of sums over independent grains; 4 of them fail once in 16,000 classes
         error = sqrt(np.var(caught - share * diameter**3) * len(diameter)) / np.sum(diameter**3)
@@ -73,15 +73,15 @@ def test_the_nominal_diameter_of_a_sieve_curve_halves_the_mass():
 
 
 def test_coarse_graining_magnifies_every_class_and_keeps_the_masses_and_a_cut_shares_them_by_logarithm():
-    plain, coarse = (sizes.sieve_classes(size_of(COARSE | more)) for more in ({"scale": 1.0}, {}))
+    plain, coarse = (sizes.sieve_size_classes(size_of(COARSE | more)) for more in ({"scale": 1.0}, {}))
     assert coarse[:, :2] == pytest.approx(4.0 * plain[:, :2])
     assert coarse[:, 2] == pytest.approx(plain[:, 2])
     cut = size_of({"law": "sieve", "rows": ((1e-3, 4e-3, 8.0), (4e-3, 8e-3, 4.0)), "low": 2e-3})
-    assert sizes.sieve_classes(cut)[:, 2] == pytest.approx([0.5, 0.5])
+    assert sizes.sieve_size_classes(cut)[:, 2] == pytest.approx([0.5, 0.5])
 
 
 def test_the_published_sieve_table_is_shipped_as_printed():
-    rows = np.array(sizes.table_rows("hao2022"))
+    rows = np.array(sizes.read_sieve_table("hao2022"))
     assert rows[:, 2].tolist() == [52.96, 18.56, 8.53, 2.83, 16.93]
     assert rows[:, 2].sum() == pytest.approx(99.81)
     assert rows[1:, 0].tolist() == rows[:-1, 1].tolist() == [0.25e-3, 0.5e-3, 1e-3, 2e-3]
@@ -99,12 +99,12 @@ def sphere_mass(radius: float) -> float:
 def clumped(template: str, **grains: Any) -> Setup:
     table = changed("grains.clump", {"template": template})
     table["grains"] |= grains
-    return build_setup(parse_scene(table), 3)
+    return replica_setup(parse_scene(table), 3)
 
 
 def test_two_touching_spheres_obey_the_parallel_axis_theorem():
     r = 0.4
-    body = quadrature((((r, 0.0, 0.3), r), ((-r, 0.0, 0.3), r)))
+    body = union_body((((r, 0.0, 0.3), r), ((-r, 0.0, 0.3), r)))
     mass = sphere_mass(r)
     assert body.volume == pytest.approx(2.0 * mass, rel=COUNTING)
     assert body.inertia == pytest.approx(2.0 * mass * r**2 * np.array([0.4, 1.4, 1.4]), rel=COUNTING)
@@ -115,7 +115,7 @@ def test_two_touching_spheres_obey_the_parallel_axis_theorem():
 
 def test_overlapping_spheres_count_their_common_volume_once():
     r, half = 0.5, 0.25
-    body = quadrature((((half, 0.0, 0.0), r), ((-half, 0.0, 0.0), r)))
+    body = union_body((((half, 0.0, 0.0), r), ((-half, 0.0, 0.0), r)))
     lens = pi * (4.0 * r + 2.0 * half) * (2.0 * r - 2.0 * half) ** 2 / 12.0
     assert body.volume == pytest.approx(2.0 * sphere_mass(r) - lens, rel=COUNTING)
 
@@ -123,18 +123,18 @@ def test_overlapping_spheres_count_their_common_volume_once():
 def test_turning_a_body_leaves_its_principal_moments():
     centres, radii = [[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 0.4, 0.2]], (0.5, 0.3, 0.25)
     turned = Rotation.from_euler("xyz", (0.4, -0.7, 1.1)).apply(centres).tolist()
-    one, other = (quadrature(tuple(zip(map(tuple, each), radii, strict=True))) for each in (centres, turned))
+    one, other = (union_body(tuple(zip(map(tuple, each), radii, strict=True))) for each in (centres, turned))
     assert other.inertia == pytest.approx(one.inertia, rel=COUNTING)
 
 
 @pytest.mark.parametrize(("template", "count"), [("pair", 2), ("tripod", 3), ("tetrahedron", 4)])
 def test_a_shipped_template_touches_itself_and_has_the_volume_of_its_sphere(template: Any, count: int):
-    spheres = template_spheres(Clump(template=template))
+    spheres = spheres_of_clump(Clump(template=template))
     centres, radii = np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
     apart = np.linalg.norm(centres[:, None] - centres, axis=2)[np.triu_indices(count, 1)]
     assert apart == pytest.approx(2.0 * radii[0])
     assert sum(sphere_mass(r) for r in radii) == pytest.approx(pi / 6.0)
-    assert quadrature(spheres).volume == pytest.approx(pi / 6.0, rel=COUNTING)
+    assert union_body(spheres).volume == pytest.approx(pi / 6.0, rel=COUNTING)
 
 
 def test_spheres_of_a_clump_stand_where_its_body_holds_them():
@@ -172,8 +172,8 @@ def test_an_explicitly_placed_clump_lies_as_its_template():
     placed = {"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}
     table = changed("fill", {"law": "positions", "grains": [placed]})
     table["grains"] |= {"count": 1, "clump": {"template": "tetrahedron"}}
-    grains = build_setup(parse_scene(table), 1).grains
-    centres, radii = map(np.array, zip(*template_spheres(Clump(template="tetrahedron")), strict=True))
+    grains = replica_setup(parse_scene(table), 1).grains
+    centres, radii = map(np.array, zip(*spheres_of_clump(Clump(template="tetrahedron")), strict=True))
     arm = grains.position - [0.0, 0.0, 0.01]
     assert arm == pytest.approx(centres * (grains.radius / radii)[:, None], abs=2e-7)
     assert grains.velocity == pytest.approx(np.cross([0.0, 0.0, 2.0], arm), abs=1e-6)

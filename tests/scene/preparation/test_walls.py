@@ -9,7 +9,7 @@ from scene_tables import changed, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind
-from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.preparation.walls import distance_to_wall
 
 
@@ -31,7 +31,7 @@ def test_walls_become_the_primitives_that_they_describe():
         "cone": {"shape": "cone", "radius_low": 0.01, "radius_high": 0.02, "length": 0.1} | steel,
     }
     table["geometry"]["funnel"]["stem_length"] = 0.01
-    setup = build_setup(parse_scene(table), 1)
+    setup = replica_setup(parse_scene(table), 1)
     assert [surface.name for surface in setup.surfaces] == ["box", "cone", "floor", "funnel", "plate", "tube"]
     walls = setup.primitives
     rows = {each.name: walls.shape[walls.surface == k] for k, each in enumerate(setup.surfaces)}
@@ -64,14 +64,14 @@ SIDES = {"shape": "box", "low": [-1.0, -1.0, 0.0], "high": [1.0, 1.0, 1.0], **ST
     ],
 )
 def test_grains_that_leave_are_taken_out_unless_a_half_space_holds_all_up(path, entry, removes):
-    assert build_setup(parse_scene(changed(path, entry)), 1).removes_outside is removes
+    assert replica_setup(parse_scene(changed(path, entry)), 1).removes_outside is removes
 
 
 def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
-    bounded = build_setup(parse_scene(good_table()), 1).domain
+    bounded = replica_setup(parse_scene(good_table()), 1).domain
     table = good_table()
     table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
-    assert build_setup(parse_scene(table), 1).domain[1][0] > 2.0 * bounded[1][0] > 0.2
+    assert replica_setup(parse_scene(table), 1).domain[1][0] > 2.0 * bounded[1][0] > 0.2
 
 
 def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_points():
@@ -91,14 +91,14 @@ ROWS = [[0.0] * 7, [1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 3.0], [3.0, 0.0, 0.0, -0.1, 0.
 
 
 def test_a_wall_that_follows_a_table_or_a_servo_has_both_in_its_setup_and_its_way_in_the_domain():
-    moved = build_setup(parse_scene(changed("stages.1", stage_of({"table": ROWS}))), 1)
+    moved = replica_setup(parse_scene(changed("stages.1", stage_of({"table": ROWS}))), 1)
     assert moved.tables == (tuple(map(tuple, ROWS)),)
     assert not moved.has_servos
-    still = build_setup(parse_scene(changed("stages.1", stage_of({}))), 1)
+    still = replica_setup(parse_scene(changed("stages.1", stage_of({}))), 1)
     # 0.1 + 0.2 m along x, 0.1 m down until 3 s and 0.2 m more until 5 s; a margin grows with the extent
     assert moved.domain[1][0] - still.domain[1][0] == pytest.approx(0.3 * 1.5)
     assert still.domain[0][2] - moved.domain[0][2] > 0.3
-    servo = build_setup(parse_scene(changed("stages.1", stage_of({"force": -2.0}))), 1)
+    servo = replica_setup(parse_scene(changed("stages.1", stage_of({"force": -2.0}))), 1)
     assert servo.has_servos
     assert servo.tables == ()
 
@@ -128,7 +128,7 @@ def test_a_box_may_be_periodic_without_wind_and_own_apparatus_needs_no_kind():
     table["fill"] = {"law": "layers", "pitch": 4e-3, "first_height": 4e-3}
     table["geometry"] = {"floor": PLANE}
     table |= {"domain": {"period": [0.03, 0.04]}, "measure": {}, "stages": table["stages"][:1]}
-    setup = build_setup(parse_scene(table), 1)
+    setup = replica_setup(parse_scene(table), 1)
     assert setup.period == (0.03, 0.04, 0.0)
     assert setup.domain[0][:2] == (0.0, 0.0)
     assert (setup.grains.position[:, :2] < (0.034, 0.044)).all()

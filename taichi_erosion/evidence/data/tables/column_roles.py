@@ -15,7 +15,7 @@ from math import isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, place_range
+from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, range_at
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason, stated_number
 from taichi_erosion.tables.headings import (
@@ -24,22 +24,22 @@ from taichi_erosion.tables.headings import (
     SCATTER,
     Heading,
     Role,
+    best_word,
     has_word,
-    lone_angle,
-    longest_word,
     meaning_of,
+    meaning_of_only_angle,
     meaning_of_symbol,
-    near_meaning,
     plain_words,
     qualifiers,
     read_heading,
-    stated_unit,
+    set_stated_unit,
+    suggest_meaning,
     unit_in,
     vocabulary,
-    wind_height,
+    wind_height_of_heading,
 )
 from taichi_erosion.tables.number_columns import stem
-from taichi_erosion.tables.spreadsheet import Cells, called_columns, has_digit
+from taichi_erosion.tables.spreadsheet import Cells, find_column_and_siblings, has_digit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
@@ -98,28 +98,28 @@ class TableOptions:
     reads: frozenset[str] | None = None  # by the model; others are kept as conditions; None: as they are
 
 
-def column_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list[Column]:
+def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list[Column]:
     """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
-    named = stated_names(cells, options, faults)
-    columns = [with_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
+    named = names_by_column(cells, options, faults)
+    columns = [user_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
-        if not column.firm and column.numeric and (alone := lone_angle(column.heading)):
+        if not column.firm and column.numeric and (alone := meaning_of_only_angle(column.heading)):
             words = {"role": "observable", "name": alone, "near": "", "unclear": column.heading.name}
             columns[place] = replace(column, firm=True, **words)
     roles, plain = [], {column.name for column in columns}
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
             column = replace(column, near="")
-        wrong = list(unit_faults(cells, column))
+        wrong = list(column_unit_faults(cells, column))
         faults += wrong
-        column = replace(column, title=options.titles.get(column.name) or tidy_name(column.name))
+        column = replace(column, title=options.titles.get(column.name) or condition_name_of_path(column.name))
         roles.append(replace(column, role="remark", firm=True) if wrong else column)
     return roles
 
 
-def with_unit(column: Column, options: TableOptions) -> Column:
+def user_unit(column: Column, options: TableOptions) -> Column:
     """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
@@ -129,7 +129,7 @@ def with_unit(column: Column, options: TableOptions) -> Column:
 
 def in_unit(column: Column, unit: str) -> Column:
     """A column with the unit that is stated for it."""
-    return replace(column, heading=stated_unit(column.heading, unit))
+    return replace(column, heading=set_stated_unit(column.heading, unit))
 
 
 def heading_faults(cells: Cells) -> Iterator[str]:
@@ -145,14 +145,14 @@ def heading_faults(cells: Cells) -> Iterator[str]:
             first.setdefault(text, place)
 
 
-def stated_names(cells: Cells, options: TableOptions, faults: list[str]) -> dict[int, tuple[Role, str]]:
+def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> dict[int, tuple[Role, str]]:
     """What the user says, by place; a column that is not there is a fault unless it may be missing."""
     name_of: dict[int, tuple[Role, str]] = {}
     pairs: tuple[tuple[Role, Mapping[str, str]], ...]
     pairs = (("observable", options.observables), ("condition", options.conditions), ("unit", options.units))
     for role, names in pairs:
         for text, name in names.items():
-            itself, repeats = called_columns(cells, text)
+            itself, repeats = find_column_and_siblings(cells, text)
             for place in () if role == "unit" else itself or repeats:
                 name_of[place] = ("remark", "") if name == NOT_USED else (role, name)
             for place in repeats if role == "observable" else ():
@@ -178,27 +178,27 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
         role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
     if not numeric:
-        labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
+        labels = best_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
         fixed = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
         return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
-    height = wind_height(heading, name)
+    height = wind_height_of_heading(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", firm=False, height=height)
     changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
     if role == "unknown" or changed or (unclear and name in AIR):  # of a tyre, of an oven
-        near = name if changed else "" if name in AIR else near_meaning(heading.name, not heading.unit)
+        near = name if changed else "" if name in AIR else suggest_meaning(heading.name, not heading.unit)
         return Column(place, heading, "remark", firm=False, near=near, changed=changed)
-    factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
+    factor = HALF if role == "observable" and best_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
 
 
-def with_stated_sd(
+def set_user_sd(
     columns: list[Column], cells: Cells, options: TableOptions, faults: list[str]
 ) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
     for text, scatter in options.sd.items():
-        places = {place for group in called_columns(cells, text) for place in group}
+        places = {place for group in find_column_and_siblings(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
         matches = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
         where, wrong = f"{cells.file}: --sd {text}={scatter}", ""
@@ -216,7 +216,7 @@ def with_stated_sd(
     return columns
 
 
-def tidy_name(place: str) -> str:
+def condition_name_of_path(place: str) -> str:
     """Name of a column that sets a place of a scene: `moisture` for `conditions.moisture`."""
     if place == DIAMETER:
         return "diameter"
@@ -225,7 +225,7 @@ def tidy_name(place: str) -> str:
     return place.removeprefix("conditions.").split(",")[0].replace(".", "_").replace("-", "_")
 
 
-def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
+def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     """A unit that cannot be read, or that is another quantity than the place."""
     where = f"{cells.file}: column '{column.heading.text}'"
     used = column.role in ("observable", "condition")
@@ -244,7 +244,7 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
 
 
-def friction_factor(height: float, roughness: float) -> float:
+def friction_velocity_ratio(height: float, roughness: float) -> float:
     """Friction velocity over the wind at a height [1], by the law of the wall over a rough bed.
 
         u* / U = kappa / ln(z / z0)
@@ -257,7 +257,7 @@ def friction_factor(height: float, roughness: float) -> float:
     return KARMAN / log(height / roughness)
 
 
-def roughness_length(text: str, height: float) -> float:
+def parse_roughness_length(text: str, height: float) -> float:
     """Roughness length [m] as the user states it, `0.03 mm`; raises BadInput."""
     value = stated_number(text, "m", "roughness length", "0.03 mm")
     if not 0.0 < value < LOWEST_WIND * height:
@@ -266,12 +266,12 @@ def roughness_length(text: str, height: float) -> float:
     return value
 
 
-def range_of(column: Column) -> PhysicalRange | None:
+def physical_range_of_column(column: Column) -> PhysicalRange | None:
     """Range of what a column measures or sets; None where none is known."""
     measured = column.role == "observable"
-    return OBSERVED.get(column.name) if measured else place_range(column.name.split(",")[0].strip())
+    return OBSERVED.get(column.name) if measured else range_at(column.name.split(",")[0].strip())
 
 
-def has_no_scale(allowed: PhysicalRange) -> bool:
+def can_be_of_any_size(allowed: PhysicalRange) -> bool:
     """Whether numbers of a quantity can be of any size, so that none tells its unit."""
     return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS

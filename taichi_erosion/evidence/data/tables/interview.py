@@ -24,16 +24,16 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     UNUSED,
     Column,
     TableOptions,
-    column_roles,
-    friction_factor,
-    has_no_scale,
+    can_be_of_any_size,
+    columns_with_roles,
+    condition_name_of_path,
+    friction_velocity_ratio,
     in_unit,
-    range_of,
-    roughness_length,
-    tidy_name,
-    with_stated_sd,
+    parse_roughness_length,
+    physical_range_of_column,
+    set_user_sd,
 )
-from taichi_erosion.scene.physical_ranges import likely_units
+from taichi_erosion.scene.physical_ranges import plausible_units
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, is_missing, read_cell
 from taichi_erosion.tables.headings import (
@@ -41,15 +41,15 @@ from taichi_erosion.tables.headings import (
     HEIGHT,
     SCATTER,
     WINDS,
-    found_length,
     has_word,
-    holds_value,
+    heading_holds_value,
     is_summary,
     meaning_of,
     plain_words,
     vocabulary,
+    word_length,
 )
-from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, ranges_of, stem
+from taichi_erosion.tables.number_columns import follows, is_height, non_conditions, own_name, ranges_of, stem
 from taichi_erosion.tables.spreadsheet import Cells, are_kinds
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
@@ -83,7 +83,7 @@ class Interview:
             self.assume(meaning)
         return answer
 
-    def confirm(self, question: str, meaning: str) -> bool:
+    def ask_yes_or_no(self, question: str, meaning: str) -> bool:
         """Whether the user says yes; the guess is yes."""
         return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
 
@@ -125,20 +125,20 @@ def understand_columns(
     cells: Cells, options: TableOptions, interview: Interview, faults: list[str], measured: bool = True
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
-    columns = column_roles(cells, options, faults)
+    columns = columns_with_roles(cells, options, faults)
     for note in cells.notes:
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
     reading = Reading(cells, options, interview, faults)
     measures = any(column.role == "observable" for column in columns)
-    columns = without_profiles(columns, reading)
-    columns = repeats_side_by_side(settled_columns(columns, reading, measures), reading)
-    columns = without_unread(list(without_unknown(columns, reading)), reading)
+    columns = drop_wind_profiles(columns, reading)
+    columns = join_repeat_columns(settle_columns(columns, reading, measures), reading)
+    columns = rename_unread_conditions(list(drop_unusable_columns(columns, reading)), reading)
     for column in (each for each in columns if each.unclear):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
-    columns = list(with_partners(list(with_kinds(columns, reading)), reading))
+    columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables)
         faults.append(
@@ -146,11 +146,11 @@ def understand_columns(
             f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {names or 'its own'}; "
             f"{CROSS_TABLE}"
         )
-    columns = [with_right_unit(with_asked_unit(column, reading), reading) for column in columns]
-    return with_stated_sd(columns, cells, options, faults)
+    columns = [check_column_unit(find_or_ask_unit(column, reading), reading) for column in columns]
+    return set_user_sd(columns, cells, options, faults)
 
 
-def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
+def drop_wind_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     """The columns without winds at several heights; these, and winds or fluxes beside heights, are faults."""
     winds = [column for column in columns if not isnan(column.height)]
     heights = [c for c in columns if is_height(c.heading) and len({n.value for n in reading.numbers(c)}) > 1]
@@ -162,7 +162,7 @@ def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     return columns
 
 
-def settled_columns(columns: Sequence[Column], reading: Reading, measured: bool) -> list[Column]:
+def settle_columns(columns: Sequence[Column], reading: Reading, measured: bool) -> list[Column]:
     """All columns, settled; numbered siblings of one of which only a guess was known are called as it is."""
     settled, first = list[Column](), dict[str, Column]()
     reading = replace(reading, bed=next((c for c in columns if c.name == ROUGHNESS_LENGTH), None))
@@ -189,17 +189,17 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
             interview.assume(f"column '{text}' is the free stream of the wind; {remedy}")
         return column
     if not isnan(column.height):
-        return settled_wind(column, reading, measured)
+        return wind_to_friction_velocity(column, reading, measured)
     if column.role == "spread":
         question = f"Column '{text}': " + ", ".join(f"{key} = {words}" for key, words in SPREADS.items())
         answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}")
         if answer not in SPREADS:
             raise BadInput(f"column '{text}': '{answer}' is not one of {', '.join(SPREADS)}")
         return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), firm=True)
-    return settled_unknown(column, reading)
+    return ask_unknown_column(column, reading)
 
 
-def settled_unknown(column: Column, reading: Reading) -> Column:
+def ask_unknown_column(column: Column, reading: Reading) -> Column:
     """A column whose heading says nothing known, as the user calls it."""
     text = column.heading.text
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
@@ -229,20 +229,20 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
         answer = reading.interview.choice(question, OWN if unread else NOT_USED, meaning)
     if unread and answer == OWN:
         return replace(column, role="condition", unread=True, firm=True)
-    return name_column(column, answer)
+    return set_column_meaning(column, answer)
 
 
-def name_column(column: Column, answer: str) -> Column:
+def set_column_meaning(column: Column, answer: str) -> Column:
     """A column as the user calls it."""
     if answer == NOT_USED:
         return replace(column, firm=True)
     role, name = ("condition", answer) if "." in answer else meaning_of(answer)
     if role not in ("observable", "condition"):
         role, name = "observable", answer
-    return replace(column, role=role, name=name, title=tidy_name(name), firm=True)
+    return replace(column, role=role, name=name, title=condition_name_of_path(name), firm=True)
 
 
-def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
+def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) -> Column:
     """A wind that was measured at a height, as the friction velocity that the law of the wall gives."""
     text, height, bed = column.heading.text, column.height, reading.bed
     question = (
@@ -259,26 +259,26 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
         )
     if answer == NOT_USED:
         return replace(column, firm=True)
-    length = roughness_length(answer, height) if answer else nan
+    length = parse_roughness_length(answer, height) if answer else nan
     reading.interview.assume(
         f"'{text}' becomes a friction velocity, u* = 0.4 U / ln(z / z0), with z = {height:g} m and the "
         f"roughness length z0 {f'= {length:.3g} m' if answer or not bed else f'of {bed.heading.text!r}'}"
     )
     threshold = "threshold" in meaning_of(column.heading.name)[1] or not measured
     role, name = ("observable", "threshold_u_star") if threshold else ("condition", FRICTION_VELOCITY)
-    column = replace(column, role=role, name=name, title=tidy_name(name), firm=True)
+    column = replace(column, role=role, name=name, title=condition_name_of_path(name), firm=True)
     if bed and not answer:
         return replace(column, roughness=bed.place)
-    return replace(column, factor=friction_factor(height, length))
+    return replace(column, factor=friction_velocity_ratio(height, length))
 
 
-def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
+def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns without what no scene measures or has, and without a second one for one condition."""
     earlier: dict[str, str] = {}
     bent = [each for each in columns if each.role in ("observable", "condition") and each.heading.law]
     for column in columns:
         used = column.role in ("observable", "condition") and not column.unread
-        wrong = column_fault(column, earlier, reading.options) if used else ""
+        wrong = column_meaning_fault(column, earlier, reading.options) if used else ""
         alike = [each for each in bent if each.role == "observable" or each.name == column.name]
         if alike and column.role in ("sd", "se", "cv", "condition_sd"):
             wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
@@ -287,7 +287,7 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
         yield reading.fault(column, wrong) if wrong else column
 
 
-def column_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
+def column_meaning_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
     """What is wrong with the meaning of a column; empty where nothing is."""
     if column.name in seen and not column.is_repeat:
         return (
@@ -299,15 +299,15 @@ def column_fault(column: Column, seen: Mapping[str, str], options: TableOptions)
     if column.role == "observable":
         words = f"no scene measures '{column.name}'; known: {', '.join(options.measures)}"
         return "" if column.name in options.measures else words
-    if range_of(column) or column.name in options.own_units:
+    if physical_range_of_column(column) or column.name in options.own_units:
         return ""
     no_place = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
     return f"{no_place}; places: {', '.join(vocabulary()['conditions'])}"
 
 
-def with_right_unit(column: Column, reading: Reading) -> Column:
+def check_column_unit(column: Column, reading: Reading) -> Column:
     """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
-    heading, allowed = column.heading, range_of(column)
+    heading, allowed = column.heading, physical_range_of_column(column)
     unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
     fixed = reading.options.measures and unit and heading.unit  # a study says itself what there is
     if column.role not in ("observable", "condition") or not fixed:
@@ -323,7 +323,7 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
     return column
 
 
-def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
+def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; conditions that the model does not read get names of their own, or are not used.
 
     Which numbers are none, of the air too, `number_columns.py` tells; a column that the user names is one.
@@ -332,7 +332,7 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
-        return [without_blanks(column, rows, reading) for column in columns]
+        return [drop_column_with_blanks(column, rows, reading) for column in columns]
     unread = [c for c in columns if c.role == "condition" and c.name not in reads.difference(AIR)]
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
@@ -343,7 +343,7 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     results += [np.mean(results, axis=0)]  # of repeats side by side
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
-    why = no_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups)
+    why = non_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups)
     rest, names = list[Column](), [*RESERVED, *(c.title for c in others)]
     if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
@@ -362,7 +362,7 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     return rest
 
 
-def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
+def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns; one of words that name kinds names set-ups, `crop`, unless it may repeat a condition."""
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
@@ -380,7 +380,7 @@ def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
         yield column
 
 
-def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
+def drop_column_with_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
     """A column, not used where it is blank in some rows and no effect of scenes reads it."""
     options = reading.options
     named = options.fill_down or column.name in options.conditions.values() or column.role != "condition"
@@ -390,7 +390,7 @@ def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Readi
     return replace(column, role="remark")
 
 
-def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
+def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
 
     Columns of a cross table are none: their headings hold values of a condition.
@@ -403,11 +403,11 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         titles = ", ".join(f"'{column.heading.text}'" for column in family)
-        if any(holds_value(each.heading) for each in family):
+        if any(heading_holds_value(each.heading) for each in family):
             lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
             words = PROFILE if lengths else CROSS_TABLE
             reading.faults.append(f"{reading.cells.file}: columns {titles}: {words}")
-        elif not reading.interview.confirm(
+        elif not reading.interview.ask_yes_or_no(
             f"Columns {titles}: repeats of one measurement",
             f"columns {titles} are repeats of one measurement",
         ):
@@ -424,7 +424,7 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     return [replace(c, role="remark", firm=True) if c.place in means else c for c in result]
 
 
-def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
+def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """Scatter and repeats with their observable: the one named, else the last before them.
 
     Scatter beside the repeats themselves, of a quantity that is not used, or above the values, is not used.
@@ -439,7 +439,7 @@ def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Colum
             yield column
             continue
         words = plain_words(column.heading.name)
-        owners = [c for c in quantities if found_length(plain_words(c.heading.name), words)]
+        owners = [c for c in quantities if word_length(plain_words(c.heading.name), words)]
         owners = sorted(owners, key=lambda each: len(each.heading.name))[-1:] or before
         left = [each for each in measured if each.place < column.place]
         partner = owners[0] if owners and owners[0] in measured else (left[-1:] or measured)[0]
@@ -457,7 +457,7 @@ def with_partners(columns: Sequence[Column], reading: Reading) -> Iterator[Colum
         yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
 
 
-def with_asked_unit(column: Column, reading: Reading) -> Column:
+def find_or_ask_unit(column: Column, reading: Reading) -> Column:
     """A column of numbers with the unit that its heading lacks: that behind its numbers, or an asked one."""
     if column.role not in ("observable", "condition", "cv"):
         return column
@@ -469,10 +469,10 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
     behind = next((number.unit for number in numbers if number.unit), "")
     if unit := behind or reading.options.own_units.get(column.name, ""):
         return in_unit(column, unit)
-    return with_usual_unit(column, [number.value for number in numbers], reading)
+    return assume_or_ask_unit(column, [number.value for number in numbers], reading)
 
 
-def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -> Column:
+def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading) -> Column:
     """A column that states no unit: that of its quantity where all numbers are usual, else an asked one."""
     text, interview = column.heading.text, reading.interview
     if column.role == "cv":
@@ -480,15 +480,15 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
         usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
         meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
         return in_unit(column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning))
-    allowed, measured = range_of(column), column.role == "observable"
+    allowed, measured = physical_range_of_column(column), column.role == "observable"
     if allowed is None or not values:
         return column
-    several = has_no_scale(allowed)
+    several = can_be_of_any_size(allowed)
     if not several and all(map(allowed.is_usual, values)):
         unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
         return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
-    units = ["UNIT"] if several else likely_units(values, None, allowed) or [allowed.unit] * measured
+    units = ["UNIT"] if several else plausible_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
     hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
     question = f"Unit of column '{text}' ({span}; {hint})"

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     SHARES,
     Column,
     TableOptions,
-    friction_factor,
+    friction_velocity_ratio,
 )
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
@@ -40,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, are_kinds, summing_word
+from taichi_erosion.tables.spreadsheet import Cells, are_kinds, word_of_summary_row
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -69,7 +69,7 @@ class Faults(list[str]):
             self.extend(error.faults)
             return None
 
-    def tell(self) -> None:
+    def raise_if_any(self) -> None:
         """Raise BadInput where there is a fault."""
         if self:
             raise BadInput(*dict.fromkeys(self))
@@ -126,14 +126,14 @@ def tidy_columns(cells: Cells) -> list[Column]:
         if any((name, role) == (each.title, each.role) for each in columns):
             faults.append(f"{file}: column '{heading.name}' stands in the heading twice")
         columns.append(Column(place, heading, role, name, name, is_set=bool(error and error["set"])))
-    faults += missing_columns([each.heading.name for each in columns], file)
+    faults += missing_column_faults([each.heading.name for each in columns], file)
     units = {each.title: each.heading.unit for each in columns if each.role == "condition"}
     faults += error_column_faults([each for each in columns if each.role == "condition_sd"], units, file)
-    faults.tell()
+    faults.raise_if_any()
     return columns
 
 
-def missing_columns(names: Sequence[str], file: str) -> Iterator[str]:
+def missing_column_faults(names: Sequence[str], file: str) -> Iterator[str]:
     """Columns of a tidy table that are missing, or seem to be there under another spelling."""
     for each in (*REQUIRED, "sd", "n", "group", "source", "vault"):
         others = [name for name in names if name not in ROLES]
@@ -156,7 +156,7 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
             yield f"{where} is in [{unit}]; {column.title} is in [{kind}]: give it so"
 
 
-def table_of(
+def table_from_cells(
     cells: Cells, columns: Sequence[Column], faults: list[str], options: TableOptions | None = None
 ) -> Table:
     """Rows of a table with known columns; all faults of its cells are added to `faults`.
@@ -164,25 +164,25 @@ def table_of(
     Where `options` want it complete, every row states the conditions and the set-up that others state.
     """
     reader = RowReader(cells, columns, faults)
-    rows, notes = [row for line, row in cells.lines for row in reader.rows(line, row)], list[str]()
+    rows, notes = [row for line, row in cells.lines for row in reader.rows_of_line(line, row)], list[str]()
     faults += reader.cell_faults()
     if options is not None and options.complete:
-        rows = with_all_conditions(reader, rows, options.titles.values(), notes)
+        rows = drop_rows_lacking_conditions(reader, rows, options.titles.values(), notes)
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
     return Table(
         cells.file,
-        tuple(column.title for column in reader.of("condition")),
-        tuple(column.heading.unit or None for column in reader.of("condition")),
+        tuple(column.title for column in reader.columns_with("condition")),
+        tuple(column.heading.unit or None for column in reader.columns_with("condition")),
         tuple(rows),
         notes=tuple(notes),
-        set_conditions=tuple(column.title for column in reader.of("condition_sd") if column.is_set),
+        set_conditions=tuple(column.title for column in reader.columns_with("condition_sd") if column.is_set),
         form=cells.form,
         columns=tuple(columns),
     )
 
 
-def with_all_conditions(
+def drop_rows_lacking_conditions(
     reader: "RowReader", rows: Sequence[Row], names: Collection[str], notes: list[str]
 ) -> list[Row]:
     """The rows without those of which a condition is not known (`-`), which is told.
@@ -191,7 +191,7 @@ def with_all_conditions(
     where another row of the same observable states it. `names`: of the conditions in use; empty: all.
     """
     lost = set[int]()
-    for column in reader.of("condition", *(() if reader.tidy else ("group",))):
+    for column in reader.columns_with("condition", *(() if reader.tidy else ("group",))):
         cells = {line: row[column.place] for line, row in reader.cells.lines}
         with_cell = {row.observable for row in rows if not is_missing(cells[row.line])}
         blanks = {row.line: cells[row.line] for row in rows if row.observable in with_cell}
@@ -201,17 +201,17 @@ def with_all_conditions(
             continue
         if blank := [line for line, cell in bare.items() if not cell]:
             reader.faults.append(
-                f"{reader.cells.file}: {where} is blank in {listed_rows(blank)}, and other rows state it; "
+                f"{reader.cells.file}: {where} is blank in {row_list_text(blank)}, and other rows state it; "
                 "fill these cells (--fill-down: a blank cell repeats the one above it), write '-' where it "
                 "is not known, and the row is not used, or remove the row"
             )
         elif bare and column.role == "condition":
-            notes.append(f"{where} is not known in {listed_rows([*bare])}: not used")
+            notes.append(f"{where} is not known in {row_list_text([*bare])}: not used")
             lost |= bare.keys()
     return [row for row in rows if row.line not in lost]
 
 
-def listed_rows(lines: Sequence[int]) -> str:
+def row_list_text(lines: Sequence[int]) -> str:
     """`3 rows (4, 5, 7)` of a file; of many the first."""
     first = ", ".join(map(str, lines[:MOST_LISTED])) + (", ..." if len(lines) > MOST_LISTED else "")
     return f"row {first}" if len(lines) == 1 else f"{len(lines)} rows ({first})"
@@ -231,11 +231,11 @@ class RowReader:
         """Whether the measured quantity stands in a column of its own."""
         return any(column.role == "value" for column in self.columns)
 
-    def of(self, *roles: Role) -> list[Column]:
+    def columns_with(self, *roles: Role) -> list[Column]:
         """Columns of some roles."""
         return [column for column in self.columns if column.role in roles]
 
-    def fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
+    def add_fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
         """Keep what is wrong with a cell."""
         message = (
             f"{self.cells.file}: row {line}, {column.heading.text} = {quote_cell(row[column.place])} {words}"
@@ -248,25 +248,25 @@ class RowReader:
             alone = len(messages) <= SOLO_ROWS
             yield from messages if alone else [f"{messages[0]}; {len(messages) - 1} rows more"]
 
-    def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
+    def rows_of_line(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
-        places = [column.place for column in self.of("condition")]
-        if not self.tidy and (summary := summing_word(self.cells, row, places)):
+        places = [column.place for column in self.columns_with("condition")]
+        if not self.tidy and (summary := word_of_summary_row(self.cells, row, places)):
             message = f"row {line}, '{summary}': the row sums up others; remove it"
             self.faults.append(f"{self.cells.file}: {message}")
             return
-        numbers = [(each.title, self.number(line, row, each)) for each in self.of("condition")]
+        numbers = [(each.title, self.number_of(line, row, each)) for each in self.columns_with("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
-        for each in self.of("condition_sd"):
-            errors[each.title] = self.positive(line, row, each)
+        for each in self.columns_with("condition_sd"):
+            errors[each.title] = self.read_positive(line, row, each)
         shared = Row(
-            *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
+            *(line, "", nan, False, nan, None, "", self.set_up_of_row(row), self.source_of_row(line, row)),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
-            draw=self.read_drawn(line, row),
+            draw=self.read_vault_draw(line, row),
             repeat=self.text(row, "repeat"),
         )
-        for column in self.of("value" if self.tidy else "observable"):
+        for column in self.columns_with("value" if self.tidy else "observable"):
             reading = self.read_measurement(line, row, column, shared)
             if reading is not None:
                 yield reading
@@ -276,18 +276,18 @@ class RowReader:
         name, unit = (column.name, column.heading.unit) if not self.tidy else self.read_observable(line, row)
         text = row[column.place]
         unseen = cell_word(text) == "no_transport" or (self.tidy and not text)
-        cell = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
+        cell = CellNumber(nan, -inf) if unseen else self.number_of(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:
-                self.fault(line, column, row, reason(text))
+                self.add_fault(line, column, row, reason(text))
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
         counting = column, *self.partners("sd", column), *self.partners("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
-        sd = self.scatter(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
+        sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
         if isnan(sd):  # what the user states
             sd = column.cv * abs(cell.value) or nan
-            sd = sd if isnan(column.sd) else column.sd * self.factor(line, row, column)
+            sd = sd if isnan(column.sd) else column.sd * self.column_unit_factor(line, row, column)
         reach, unit = cell.reach, unit or "1"
         return replace(
             shared,
@@ -297,17 +297,17 @@ class RowReader:
 
     def read_observable(self, line: int, row: Sequence[str]) -> tuple[str, str]:
         """Observable and unit of a row of a tidy table."""
-        (name,), (unit,) = self.of("observable"), self.of("unit")
+        (name,), (unit,) = self.columns_with("observable"), self.columns_with("unit")
         if not NAME.fullmatch(row[name.place]):
-            self.fault(line, name, row, "must be a name")
+            self.add_fault(line, name, row, "must be a name")
         try:
             parse_unit(row[unit.place])
             return row[name.place], row[unit.place]
         except UnknownUnit as error:
-            self.fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
+            self.add_fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
             return row[name.place], "1"
 
-    def number(
+    def number_of(
         self, line: int, row: Sequence[str], column: Column, single: bool = True, unit: str | None = None
     ) -> CellNumber:
         """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
@@ -315,30 +315,30 @@ class RowReader:
         try:
             comma, middle = self.cells.decimal_comma, column.role == "condition"
             cell = read_cell(row[column.place], comma, single, middle)
-            scale = self.scale(cell.unit or unit_of_heading, unit_of_heading if unit is None else unit)
+            scale = self.cell_scale(cell.unit or unit_of_heading, unit_of_heading if unit is None else unit)
         except CellFault as fault:
-            self.fault(line, column, row, fault)
+            self.add_fault(line, column, row, fault)
             return CellNumber()
-        own_factor = self.factor(line, row, column)
+        own_factor = self.column_unit_factor(line, row, column)
         factor = scale.factor * own_factor
         if (factor, scale.origin) == (1.0, 0.0):
             return cell
         reach = cell.reach * factor
         return CellNumber(own_factor * scale.to_use(cell.value), reach, cell.sd * factor, cell.unit)
 
-    def factor(self, line: int, row: Sequence[str], column: Column) -> float:
+    def column_unit_factor(self, line: int, row: Sequence[str], column: Column) -> float:
         """From the numbers of a column to what it measures or sets; of a wind over the bed of its row."""
         if column.roughness < 0:
             return column.factor
         bed = next(each for each in self.columns if each.place == column.roughness)
-        length = self.number(line, row, bed, unit="m").value
+        length = self.number_of(line, row, bed, unit="m").value
         if 0.0 < length < LOWEST_WIND * column.height:
-            return friction_factor(column.height, length)
+            return friction_velocity_ratio(column.height, length)
         message = f"must lie above 0 and below a tenth of the height of the wind, {column.height:g} m"
-        self.fault(line, bed, row, message)
+        self.add_fault(line, bed, row, message)
         return nan
 
-    def scale(self, written: str, unit: str) -> Scale:
+    def cell_scale(self, written: str, unit: str) -> Scale:
         """Scale from the unit behind a number to that of its column; raises CellFault."""
         if not written or written == unit or (self.tidy and not unit):
             return Scale()
@@ -352,64 +352,64 @@ class RowReader:
             raise CellFault(f"is a number in {written} in {message}")
         return unit_scale
 
-    def positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
+    def read_positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
         """A number that is not negative; NaN, and a fault, for another one."""
-        number = self.number(line, row, column, unit=unit).value
+        number = self.number_of(line, row, column, unit=unit).value
         if number < 0.0 or (number == 0.0 and column.role in ("sd", "se")):
-            self.fault(line, column, row, "must be above 0; leave it empty where it is not known")
+            self.add_fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
         return number
 
     def partners(self, role: Role, column: Column) -> list[Column]:
         """Columns of scatter or repeats that belong to an observable."""
-        return [other for other in self.of(role) if other.of in (column.place, -1)]
+        return [other for other in self.columns_with(role) if other.of in (column.place, -1)]
 
-    def scatter(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
+    def read_sd(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
         for other in (*self.partners("sd", column), *self.partners("se", column)):
             like = replace(other, factor=column.factor, roughness=column.roughness, height=column.height)
-            sd = self.positive(line, row, like, column.heading.unit)
+            sd = self.read_positive(line, row, like, column.heading.unit)
             if other.role == "se" and isfinite(sd):
                 if n is None:
-                    self.fault(line, column, row, "has a standard error: give n, the number of repeats")
+                    self.add_fault(line, column, row, "has a standard error: give n, the number of repeats")
                 return sd * sqrt(n or nan)
             if not isnan(sd):
                 return sd
         for other in self.partners("cv", column):
-            sd = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
+            sd = SHARES.get(other.heading.unit, 0.01) * self.read_positive(line, row, other)
             if not isnan(sd):
                 return sd * abs(value)
         return nan
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""
-        number = self.number(line, row, column).value
+        number = self.number_of(line, row, column).value
         if isnan(number):
             return None
         if number != int(number) or not 1 <= number <= MOST_REPEATS:
-            self.fault(line, column, row, f"must be a whole number from 1 to {MOST_REPEATS:g}")
+            self.add_fault(line, column, row, f"must be a whole number from 1 to {MOST_REPEATS:g}")
             return None
         return int(number)
 
     def text(self, row: Sequence[str], role: Role) -> str:
         """Words of a row in the columns of a role."""
-        return ", ".join(row[column.place] for column in self.of(role) if row[column.place])
+        return ", ".join(row[column.place] for column in self.columns_with(role) if row[column.place])
 
-    def group(self, row: Sequence[str]) -> str:
+    def set_up_of_row(self, row: Sequence[str]) -> str:
         """Set-up of a row; empty where the rows of a laboratory's table are numbered, `P 1`, `P 2`."""
-        labels = ["".join(other[c.place] for c in self.of("group")) for _, other in self.cells.lines]
+        labels = ["".join(each[c.place] for c in self.columns_with("group")) for _, each in self.cells.lines]
         numbered = len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
         return "" if numbered and not self.tidy else self.text(row, "group")
 
-    def source(self, line: int, row: Sequence[str]) -> str:
+    def source_of_row(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
         return self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
 
-    def read_drawn(self, line: int, row: Sequence[str]) -> Drawn:
+    def read_vault_draw(self, line: int, row: Sequence[str]) -> Drawn:
         """What became of a row when rows were drawn for the vault."""
         text = self.text(row, "vault")
         if text not in get_args(Drawn):
-            self.fault(line, self.of("vault")[0], row, "must be 'held out', 'fitted' or empty")
+            self.add_fault(line, self.columns_with("vault")[0], row, "must be 'held out', 'fitted' or empty")
         return text  # pyright: ignore[reportReturnType]
 
 
@@ -419,13 +419,13 @@ def quote_cell(text: str) -> str:
     return f"'{clean}'" if len(clean) <= SHOWN else f"'{clean[: SHOWN - 3]}...'"
 
 
-def source_names(sources: Sequence[str]) -> tuple[str, ...]:
+def row_sources(sources: Sequence[str]) -> tuple[str, ...]:
     """Sources of rows: those that name no other are of one source, their file."""
     places = [PLACE.fullmatch(source) for source in sources]
     return tuple(place["file"] if place else source for place, source in zip(places, sources, strict=True))
 
 
-def tidy_fields(table: Table) -> list[dict[str, str]]:
+def tidy_table_cells(table: Table) -> list[dict[str, str]]:
     """Cells of the tidy form of a table, by heading."""
     names = [f"{n} [{u}]" if u else n for n, u in zip(table.conditions, table.units, strict=True)]
     errors = {each: "set " if each in table.set_conditions else "" for each in table.conditions}

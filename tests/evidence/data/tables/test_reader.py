@@ -8,11 +8,7 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import (
-    NewStudyOptions,
-    options_for_table,
-    read_laboratory_table,
-)
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, read_laboratory_table, table_options
 from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
@@ -44,7 +40,7 @@ def workbook(*sheets: tuple[tuple, ...], merged: tuple[str, ...] = (), shares: t
 
 def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda _, guess: guess) -> Table:
     (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_laboratory_table(folder / name, options_for_table(NewStudyOptions()), Interview(ask))
+    return read_laboratory_table(folder / name, table_options(NewStudyOptions()), Interview(ask))
 
 
 @pytest.mark.parametrize(
@@ -162,7 +158,7 @@ def test_a_foreign_table_comes_to_these_rows(tmp_path, name):
 def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
     interview = Interview(lambda asked, guess: guess)
     (tmp_path / "heap.csv").write_text("w [%];Böschungswinkel [°]\n1;31\n150;32\n2;33\n", encoding="utf-8")
-    read_laboratory_table(tmp_path / "heap.csv", options_for_table(NewStudyOptions()), interview)
+    read_laboratory_table(tmp_path / "heap.csv", table_options(NewStudyOptions()), interview)
     assert [words for words in interview.assumptions if "unusual" in words] == [
         "row 3, moisture = 150 % is unusual, and taken as written"
     ]

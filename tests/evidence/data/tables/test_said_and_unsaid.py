@@ -10,7 +10,7 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models import reduced
@@ -28,7 +28,7 @@ def measured(base: Path, text: str | bytes, name: str = "t.csv", **wishes) -> tu
     """Measurements of the study of a table by the closed form, and what was assumed."""
     (base / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
-    document = new_study(base / name, NewStudyOptions(**asked), lambda _, guess: guess)
+    document = write_new_study(base / name, NewStudyOptions(**asked), lambda _, guess: guess)
     return load_study(Path(document["study"])).problem.measurements, document["assumed"]
 
 
