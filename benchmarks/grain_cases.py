@@ -25,11 +25,11 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
+    energy_totals,
     export_bed,
     export_state,
     import_state,
     snapshot,
-    totals,
 )
 
 Precision = Literal["f32", "f64"]
@@ -82,7 +82,7 @@ def after_on_cpu(until: float, setups: Callable[[], list[Setup]]) -> Callable[[N
         state, listed = export_state(start), start.setups
         sim = assemble(listed, LAWS, numerics)
         import_state(sim, state)
-        done = int(totals(sim, 0).step)
+        done = int(energy_totals(sim, 0).step)
         advance(sim, [(done + 1) * setup.time_step for setup in listed])
         return sim
 
@@ -140,13 +140,13 @@ def touching_pairs(sim: Simulation, replica: int) -> int:
 
 def rate(sim: Simulation, steps: int, done: int) -> dict[str, float]:
     """Grain-steps per second of `steps` more steps after `done`, contacts per grain, rebuilds."""
-    before, start = totals(sim, 0).rebuilds, time.perf_counter()
+    before, start = energy_totals(sim, 0).rebuilds, time.perf_counter()
     advance(sim, [(done + steps) * setup.time_step for setup in sim.setups])
     seconds, grains = time.perf_counter() - start, grain_count(sim)
     return {
         "grain_steps_per_s": grains * steps / seconds,
         "contacts_per_grain": 2.0 * sum(touching_pairs(sim, r) for r in range(len(sim.setups))) / grains,
-        "rebuilds": totals(sim, 0).rebuilds - before,
+        "rebuilds": energy_totals(sim, 0).rebuilds - before,
     }
 
 
@@ -181,7 +181,7 @@ def roofline_share(sim: Simulation, speed: float) -> dict[str, float]:
 def grain_case(case: GrainCase) -> dict[str, Any]:
     """Median speed, with the share of every stage."""
     sim = case.begin(Numerics(case.arch, case.threads, case.precision))
-    done, grains = int(totals(sim, 0).step), grain_count(sim)
+    done, grains = int(energy_totals(sim, 0).step), grain_count(sim)
     rates = [rate(sim, case.steps, done + k * case.steps) for k in range(ROUNDS)]
     middle = sorted(rates, key=lambda found: found["grain_steps_per_s"])[ROUNDS // 2]
     speed = 1e-6 * middle["grain_steps_per_s"]
@@ -213,7 +213,7 @@ def wide_bed_case(setup: Setup) -> dict[str, Any]:
         start = time.process_time()
         advance(sim, [done * setup.time_step])
         spent.append(time.process_time() - start)
-    sums = totals(sim, 0)
+    sums = energy_totals(sim, 0)
     return {
         "case": "wide bed",
         "grains": grains,

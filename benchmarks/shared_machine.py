@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.grain_cases import START, after, grain_count
 from benchmarks.setups import lattice_bed
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.simulation import Simulation, advance, totals
+from taichi_erosion.simulation import Simulation, advance, energy_totals
 from taichi_erosion.simulation.team import Team
 
 BUSY = "while True: pass"
@@ -56,7 +56,7 @@ def shared_cases(cores: int) -> list[dict[str, Any]]:
 def turn(sim: Simulation, seconds: float) -> float:
     """Rate over so much wall time [M grain-steps/s]."""
     step = sim.setups[0].time_step
-    first = done = int(totals(sim, 0).step)
+    first = done = int(energy_totals(sim, 0).step)
     start = now = time.perf_counter()
     while now < start + seconds:
         done += PORTION

@@ -10,9 +10,9 @@ from taichi_erosion.grains.integrate import advance_grains, gather_forces
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.wall_contacts import add_wall_forces
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.control import make_stale
-from taichi_erosion.simulation.readback import replica_row
-from taichi_erosion.simulation.step import rebuild
+from taichi_erosion.simulation.control import request_rebuild_and_wake
+from taichi_erosion.simulation.readback import counters_of_replica
+from taichi_erosion.simulation.step import sort_and_rebuild_lists
 
 REPEATS = 50  # of a stage within one launch
 COPIED = 1 << 25  # numbers of 32 bits: more than caches hold
@@ -40,7 +40,7 @@ def all_motion(world_out: ti.template(), coupling_out: ti.template()):
 
 @ti.func
 def one_rebuild(world_out: ti.template(), coupling_out: ti.template()):
-    rebuild(world_out, 0, 0, 1, 1)
+    sort_and_rebuild_lists(world_out, 0, 0, 1, 1)
 
 
 @ti.func
@@ -91,7 +91,7 @@ def stage_times(sim: Simulation) -> dict[str, float]:
     An exchange with the air (`looks`), of which there is one in many steps, is shared among those; a grid of
     air has none here, since the host drives it.
     """
-    _, released, _, _ = replica_row(sim, 0)
+    _, released, _, _ = counters_of_replica(sim, 0)
     times = {}
     inside = (sim.world.has_external_forces or sim.world.has_state) and not sim.coupling.host_driven
     for name, stage in (({"looks": one_exchange} if inside else {}) | STAGES).items():
@@ -101,5 +101,5 @@ def stage_times(sim: Simulation) -> dict[str, float]:
         times[name] = 1e9 * (time.perf_counter() - start) / (REPEATS * max(released, 1))
     if inside:
         times["looks"] /= float(download_field(sim.coupling.exchange.look_steps)[0])
-    make_stale(sim, 0)
+    request_rebuild_and_wake(sim, 0)
     return times

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 import taichi_erosion as te
 from taichi_erosion.cli.main import main as command
 from taichi_erosion.execution.recorder import resting_speed
-from taichi_erosion.execution.session import Session, walls_now
+from taichi_erosion.execution.session import Session, present_wall_meshes
 from taichi_erosion.recording.pictures import (
     SideView,
     grain_colours,
@@ -140,7 +140,7 @@ def bench_picture(session: Session) -> Image.Image:
     view = SideView((low[0], low[2]), (high[0], high[2]), BENCH_SIZE)
     speeds = resting_speed(session.sim.setups[0]), FASTEST_COLOUR
     colours = np.minimum(LIGHT * grain_colours(now, *speeds), 255).astype(np.uint8)
-    drawn = np.array(render_side(now.position, now.radius, view, colours, walls_now(session)))
+    drawn = np.array(render_side(now.position, now.radius, view, colours, present_wall_meshes(session)))
     empty = np.asarray(render_side(now.position[:0], now.radius[:0], view))
     drawn[(drawn == empty).all(axis=-1)] = PAPER
     picture = Image.fromarray(drawn)

@@ -63,7 +63,7 @@ def ensemble(steps: int, case: Path, numerics: Any, count: int) -> None:
 
     from benchmarks.grain_cases import touching_pairs
     from benchmarks.setups import LAWS, bed_setup
-    from taichi_erosion.simulation import advance, assemble, totals
+    from taichi_erosion.simulation import advance, assemble, energy_totals
 
     with np.load(case) as arrays:
         setups = [bed_setup({**arrays, "friction": mu}) for mu in frictions(count)]
@@ -74,7 +74,7 @@ def ensemble(steps: int, case: Path, numerics: Any, count: int) -> None:
     found = {
         "grain_steps": grains * steps,
         "contacts_per_grain": 2.0 * touching / grains,
-        "rebuilds": sum(totals(sim, replica).rebuilds for replica in range(count)),
+        "rebuilds": sum(energy_totals(sim, replica).rebuilds for replica in range(count)),
     }
     sys.stdout.write(json.dumps(found) + "\n")
 

@@ -91,7 +91,7 @@ class Page:
 
     def play(self) -> None:
         """Advance while it plays, portion by portion, as long as the device holds the session."""
-        while self.session.sim.is_current:
+        while self.session.sim.device_fields_exist:
             began, steps_taken = monotonic(), 0.0
             if self.owner and began - self.latest_request > ABSENT:
                 self.leave()
@@ -104,12 +104,12 @@ class Page:
         session, began, checks = self.session, monotonic(), self.session.ensemble.checks
         start, portion = session.time, max(min(self.pace, self.speed) * PORTION, session.time_step)
         try:
-            live.run_to(session, min(start + portion, self.goal))
+            live.run_until_time(session, min(start + portion, self.goal))
         except Exception as error:  # whatever it is, who plays stays there for the next command
             self.playing, self.error = False, str(error) or type(error).__name__
         self.pace = (session.time - start) / (monotonic() - began)
         self.version += 1
-        rests = self.until_rest and session.ensemble.checks > checks and live.is_at_rest(session)
+        rests = self.until_rest and session.ensemble.checks > checks and live.is_session_at_rest(session)
         if rests or session.time > self.goal - session.time_step:
             self.playing = False
         return session.time - start
@@ -127,7 +127,7 @@ class Page:
             if name == "speed":
                 self.speed = max(float(*words), 1e-6)
             elif name != "pause":
-                live.raise_failure(self.session)
+                live.raise_if_session_failed(self.session)
                 self.until_rest = words == ["until", "rest"]
                 self.goal = parse_time(self.session, *words) if words and not self.until_rest else inf
                 self.playing = True
@@ -183,9 +183,9 @@ class Page:
         self.playing, self.owner = False, ""
         with self.turn:
             try:
-                live.save(self.session, "last")
+                live.save_state_as(self.session, "last")
                 if self.session.history:
-                    live.write_script(self.session, self.script)
+                    live.write_session_commands(self.session, self.script)
             except BadInput as error:
                 self.error = str(error)
 
@@ -259,14 +259,14 @@ class Handler(BaseHTTPRequestHandler):
             return 200, KINDS[name], page.files.result()[name]
         if not page.is_owner(query.get("owner", "")):
             return 409, TEXT, OWNED.encode()
-        if not page.session.sim.is_current:
+        if not page.session.sim.device_fields_exist:
             return 410, TEXT, ENDED.encode()
         return page.answer(name, query, body)
 
 
 def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
     """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
-    live.keep_sample(session)
+    live.keep_sample_of_numbers(session)
     page = Page(session, script, turn)
     try:
         server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))

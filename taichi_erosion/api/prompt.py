@@ -43,7 +43,7 @@ quit                       end the session"""
 def step(session: Session, count: str = "1") -> str:
     if not count.isdigit():
         raise BadInput(f"'{count}' is not a number of steps")
-    live.step(session, int(count))
+    live.run_session_steps(session, int(count))
     return status(session)
 
 
@@ -51,7 +51,7 @@ def run(session: Session, *time: str) -> str:
     if time == ("until", "rest"):
         is_at_rest = live.run_until_rest(session)
         return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
-    live.run_to(session, parse_time(session, *time))
+    live.run_until_time(session, parse_time(session, *time))
     return status(session)
 
 
@@ -65,9 +65,9 @@ def parse_time(session: Session, *words: str) -> float:
 
 
 def set_entry(session: Session, path: str, value: str) -> str:
-    before = live.warnings_now(session)
+    before = live.warnings_of_present_scene(session)
     reply = live.set_entry(session, path, value)
-    new = [f"\nwarning: {each}" for each in live.warnings_now(session) if each not in before]
+    new = [f"\nwarning: {each}" for each in live.warnings_of_present_scene(session) if each not in before]
     return f"{path} = {value} {reply}{''.join(new)}"
 
 
@@ -79,14 +79,14 @@ def insert(session: Session, count: str, way: str = "", *place: str) -> str:
             number = int(count)
     if not number:
         raise BadInput(f"usage: {usage('insert')}")
-    live.insert(session, number, at, place[0] if way == "through" else "")
+    live.insert_grains(session, number, at, place[0] if way == "through" else "")
     return status(session)
 
 
 def remove(session: Session, *numbers: str) -> str:
     if not all(map(str.isdigit, numbers or [""])):
         raise BadInput(f"usage: {usage('remove')}")
-    live.remove(session, *map(int, numbers))
+    live.remove_grains(session, *map(int, numbers))
     return status(session)
 
 
@@ -111,7 +111,7 @@ def watch(session: Session, *names: str) -> str:
     if names == ("off",):
         session.watched.clear()
     else:
-        live.watch(session, *names)
+        live.watch_measures(session, *names)
     return f"watching {', '.join(session.watched) or 'nothing'}"
 
 
@@ -128,20 +128,20 @@ def status(session: Session) -> str:
 
 
 def save(session: Session, name: str = "last") -> str:
-    live.save(session, name)
+    live.save_state_as(session, name)
     return f"saved as '{name}' at {session.time:.6g} s"
 
 
 def back(session: Session, name: str = "last", *time: str) -> str:
     if name == "to" and time:
-        live.return_to(session, parse_time(session, name, *time))
+        live.return_to_time(session, parse_time(session, name, *time))
     else:
-        live.restore(session, name)
+        live.restore_saved_state(session, name)
     return status(session)
 
 
 def undo(session: Session) -> str:
-    live.undo(session)
+    live.undo_latest_change(session)
     return status(session)
 
 
@@ -163,7 +163,7 @@ def grain(session: Session, number: str) -> str:
 
 
 def history(session: Session, file: str = "") -> str:
-    return str(live.write_script(session, Path(file))) if file else "\n".join(session.history)
+    return str(live.write_session_commands(session, Path(file))) if file else "\n".join(session.history)
 
 
 def script(session: Session, file: str) -> str:
@@ -196,7 +196,7 @@ def quit_session(session: Session) -> str:
 COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind the name: the text to print
     "step": step,
     "run": run,
-    "stage": lambda session: f"stage {live.next_stage(session)} begins",
+    "stage": lambda session: f"stage {live.begin_next_stage(session)} begins",
     "set": set_entry,
     "insert": insert,
     "remove": remove,
@@ -206,7 +206,7 @@ COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind
     "watch": watch,
     "diff": diff,
     "status": status,
-    "snapshot": lambda session, file: str(live.write_picture(session, Path(file))),
+    "snapshot": lambda session, file: str(live.write_side_picture(session, Path(file))),
     "save": save,
     "back": back,
     "undo": undo,

@@ -100,14 +100,14 @@ class LiveSession:
         """Write a picture of the force chains from the side (PNG)."""
         from taichi_erosion.recording.export import chain_picture, grain_frame
 
-        sim, walls = self.session.sim, sessions.walls_now(self.session)
+        sim, walls = self.session.sim, sessions.present_wall_meshes(self.session)
         frame = grain_frame(simulation.snapshot(sim, 0))
         picture = chain_picture(frame, simulation.contact_network(sim, 0), walls)
         return sessions.write_file(self.session, Path(to), picture)
 
     def run(self, seconds: float) -> "LiveSession":
         """Run for a simulated time [s]. Raises SimulationStopped."""
-        sessions.run_for(self.session, seconds)
+        sessions.run_for_seconds(self.session, seconds)
         return self
 
     def run_until_rest(self) -> "LiveSession":
@@ -117,12 +117,12 @@ class LiveSession:
 
     def step(self, count: int = 1) -> "LiveSession":
         """Run time steps."""
-        sessions.step(self.session, count)
+        sessions.run_session_steps(self.session, count)
         return self
 
     def next_stage(self) -> "LiveSession":
         """Begin the next stage of the scene. Raises BadInput after the last one."""
-        sessions.next_stage(self.session)
+        sessions.begin_next_stage(self.session)
         return self
 
     def set(self, path: str, value: Any) -> "LiveSession":
@@ -132,12 +132,12 @@ class LiveSession:
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":
         """Let grains in at a place [m], through an inlet, or all inlets. Raises BadInput."""
-        sessions.insert(self.session, count, at, inlet)
+        sessions.insert_grains(self.session, count, at, inlet)
         return self
 
     def remove(self, *numbers: int) -> "LiveSession":
         """Take grains out by their numbers. Raises BadInput."""
-        sessions.remove(self.session, *map(int, numbers))
+        sessions.remove_grains(self.session, *map(int, numbers))
         return self
 
     def get(self, path: str) -> Any:
@@ -159,7 +159,7 @@ class LiveSession:
 
     def watch(self, *names: str) -> "LiveSession":
         """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
-        sessions.watch(self.session, *names)
+        sessions.watch_measures(self.session, *names)
         return self
 
     @property
@@ -176,21 +176,21 @@ class LiveSession:
     @property
     def warnings(self) -> list[str]:
         """What to know about the present strengths of effects."""
-        return sessions.warnings_now(self.session)
+        return sessions.warnings_of_present_scene(self.session)
 
     def save(self, name: str) -> "LiveSession":
         """Keep the present state under a name."""
-        sessions.save(self.session, name)
+        sessions.save_state_as(self.session, name)
         return self
 
     def restore(self, name: str) -> "LiveSession":
         """Return to a saved state, bit for bit. Raises BadInput for an unknown name."""
-        sessions.restore(self.session, name)
+        sessions.restore_saved_state(self.session, name)
         return self
 
     def snapshot(self, to: PathLike) -> Path:
         """Write a picture from the side (PNG)."""
-        return sessions.write_picture(self.session, Path(to))
+        return sessions.write_side_picture(self.session, Path(to))
 
     def __repr__(self) -> str:
         return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {self.status['stage']})"

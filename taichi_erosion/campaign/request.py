@@ -114,14 +114,14 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
     """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
     if device.arch == "cpu" and device.decomposition != "grains":  # and no compiler is imported
         return Numerics("cpu", THREADS, scene.run.precision, device.decomposition)
-    from taichi_erosion.execution.scene_run import arch_of
-    from taichi_erosion.simulation.capacities import refuse_by_grain
+    from taichi_erosion.execution.scene_run import choose_device
+    from taichi_erosion.simulation.capacities import refuse_thread_per_grain
 
     on_grid = scene.wind is not None and scene.wind.columns != (1, 1)
     # as many grains as a full batch has: the answer must not hang on how many runs wait
-    arch = arch_of(device.arch, device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
+    arch = choose_device(device.arch, device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
-    refuse_by_grain(grids=on_grid and numerics.by_grain)
+    refuse_thread_per_grain(grids=on_grid and numerics.by_grain)
     return numerics
 
 
@@ -140,7 +140,7 @@ def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.core.effect_file import compile_failure
-    from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_after
+    from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_reusing_buffers
     from taichi_erosion.scene.load import parse_scene
     from taichi_erosion.simulation import Simulation
 
@@ -150,7 +150,7 @@ def simulating() -> Iterator[RunFunction]:
         scene = parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"]))
         files = tuple(EffectFile(Path(path), text) for path, text in payload["effect_files"])
         return ReplicaRequest(
-            scene=checks.with_effects(scene, files) if scene.effects else scene,
+            scene=checks.attach_effects_to_scene(scene, files) if scene.effects else scene,
             seed=payload["seed"],
             record=Path(payload["record"]) if payload["record"] else None,
             properties=payload["properties"],
@@ -163,7 +163,7 @@ def simulating() -> Iterator[RunFunction]:
         numerics = Numerics(way["arch"], THREADS, precision, way["decomposition"])
         before, previous = previous, None  # fields of an ensemble that breaks off are not used again
         try:
-            previous = run_replicas_after(before, parts, numerics, send_record)
+            previous = run_replicas_reusing_buffers(before, parts, numerics, send_record)
         except Exception as error:
             if (reason := compile_failure(error)) is None:
                 raise

@@ -16,7 +16,7 @@ from taichi_erosion.api.page import Page
 from taichi_erosion.api.prompt import COMMANDS, execute
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
-from taichi_erosion.execution.scene_run import deferred_signals
+from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
 from taichi_erosion.scene import resolve
@@ -81,7 +81,7 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
     """
     recorder = live.record_session(session, path)
     session.callbacks.append(Sampler())
-    for sentence in live.warnings_now(session):
+    for sentence in live.warnings_of_present_scene(session):
         typer.echo(f"warning: {sentence}")
     try:
         for line in input_lines(session, page is not None):
@@ -103,8 +103,8 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
 
 def interruptible(session: Session, line: str, turn: AbstractContextManager[Any]) -> str:
     """Text of a command; Ctrl-C ends a run between two advances, so that device and session agree."""
-    with turn, deferred_signals() as pending:
-        session.callbacks.append(callback := lambda now: pending.raise_pending())
+    with turn, defer_signals() as pending:
+        session.callbacks.append(callback := lambda now: pending.raise_first_signal())
         try:
             return execute(session, line)
         finally:

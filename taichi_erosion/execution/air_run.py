@@ -16,8 +16,8 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution import result as results
-from taichi_erosion.execution.checks import read_air_scene
-from taichi_erosion.execution.scene_run import deferred_signals
+from taichi_erosion.execution.checks import load_air_run
+from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
@@ -53,11 +53,11 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     started = time.perf_counter()
     if options.checkpoint or options.resume or options.precision == "f32":
         raise BadInput("--checkpoint, --resume, --precision f32: not for a scene of air alone")
-    scene = read_air_scene(path, options.overrides)
+    scene = load_air_run(path, options.overrides)
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
-    record = results.record_of(path, scene, first, options)
+    record = results.recording_path_of_run(path, scene, first, options)
     results.refuse_unwritable_outputs(path, options, record)
     arch = "cuda" if options.arch == "cuda" else "cpu"
     threads = start_device(Numerics(arch, options.threads, "f64"))
@@ -67,19 +67,19 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
         recording = open_wind_recording(record, scene.scene.title or path.stem, text, CURVES)
     try:
-        with deferred_signals() as pending:
-            advance_to_end(run, recording, options, pending.raise_pending)
+        with defer_signals() as pending:
+            advance_air_to_end(run, recording, options, pending.raise_first_signal)
     except BaseException:
         if recording:
             stream.close(recording)
         raise
-    document = air_document(path, run, threads, time.perf_counter() - started)
+    document = air_run_document(path, run, threads, time.perf_counter() - started)
     if recording:
-        finish_recording(recording, document)
+        finish_air_recording(recording, document)
     return document
 
 
-def advance_to_end(
+def advance_air_to_end(
     run: AirRun, recording: stream.Recording | None, options: RunOptions, check: Callable[[], None]
 ) -> None:
     """Advance frame by frame; frames of the averaging window are stored. `check` may raise after a frame."""
@@ -110,7 +110,7 @@ def advance_to_end(
             options.progress(frame / settings.frames, f"{states[0].time:.3g} s simulated")
 
 
-def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
+def air_run_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
     """The result document of a scene of air alone."""
     scene = run.scene
     measured = [
@@ -145,7 +145,7 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
     )
 
 
-def finish_recording(recording: stream.Recording, document: dict[str, Any]) -> None:
+def finish_air_recording(recording: stream.Recording, document: dict[str, Any]) -> None:
     """Write properties, close the recording, write the document beside it; disk errors become warnings."""
     result = {name: measured["value"] for name, measured in document["measures"].items()}
     scene = {"hash": document["hash"], "seed": document["seed"]}

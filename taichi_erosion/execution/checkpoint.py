@@ -55,11 +55,11 @@ class Checkpointer:
         if (now := whole_intervals(ensemble.time, self.interval)) > self.saved:
             self.saved = now
             try:
-                self.save(ensemble)
+                self.save_ensemble(ensemble)
             except BadInput as error:
                 ensemble.states[0].warn(str(error))
 
-    def save(self, ensemble: EnsembleRun) -> None:
+    def save_ensemble(self, ensemble: EnsembleRun) -> None:
         """Write device state and run state. Raises BadInput where the disk refuses."""
         arrays, meta = run_state(ensemble)
         save_checkpoint(self.path, export_state(ensemble.sim) | arrays, self.meta | meta)
@@ -72,37 +72,37 @@ def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
     for record in records:
         if record["search"]:
             del record["search"]["scene"]
-    replicas = json.loads(json.dumps(without_arrays(records, "run", arrays), default=json_value))
+    replicas = json.loads(json.dumps(name_arrays(records, "run", arrays), default=json_value))
     return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": replicas}
 
 
-def without_arrays(value: Any, name: str, arrays_out: Arrays) -> Any:
+def name_arrays(value: Any, name: str, arrays_out: Arrays) -> Any:
     """A nested value whose arrays are replaced by their names; they are collected in `arrays_out`."""
     if isinstance(value, np.ndarray):
         arrays_out[name] = value
         return {ARRAY: name}
     if isinstance(value, dict):
-        return {key: without_arrays(entry, f"{name}.{key}", arrays_out) for key, entry in value.items()}
+        return {key: name_arrays(entry, f"{name}.{key}", arrays_out) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [without_arrays(entry, f"{name}.{place}", arrays_out) for place, entry in enumerate(value)]
+        return [name_arrays(entry, f"{name}.{place}", arrays_out) for place, entry in enumerate(value)]
     return value
 
 
-def with_arrays(value: Any, arrays: Arrays) -> Any:
+def replace_names_by_arrays(value: Any, arrays: Arrays) -> Any:
     """Inverse of `without_arrays`."""
     if isinstance(value, list):
-        return [with_arrays(entry, arrays) for entry in value]
+        return [replace_names_by_arrays(entry, arrays) for entry in value]
     if not isinstance(value, dict):
         return value
     if value.keys() == {ARRAY}:
         return arrays[value[ARRAY]]
-    return {key: with_arrays(entry, arrays) for key, entry in value.items()}
+    return {key: replace_names_by_arrays(entry, arrays) for key, entry in value.items()}
 
 
-def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> None:
+def restore_run_state(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> None:
     """Inverse of `run_state`, into an ensemble of the same scenes."""
     ensemble.checks, ensemble.grain_steps = meta["checks"], meta["grain_steps"]
-    records = with_arrays(meta["replicas"], arrays)
+    records = replace_names_by_arrays(meta["replicas"], arrays)
     ensemble.states = [ReplicaState(**record) for record in records]
     for state, record, scene in zip(ensemble.states, records, ensemble.scenes, strict=True):
         if failed := record["failure"]:
@@ -116,7 +116,7 @@ def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> 
             state.search = ThresholdSearch(scene, **search | parts)
 
 
-def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[str]:
+def entries_that_differ(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[str]:
     """Entries of a scene, after its effects, that differ from those of a checkpoint. Raises BadInput.
 
     Refused is what would change the grains, their clock or what has already happened.
@@ -126,7 +126,7 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
     changed = [path for path in {**old, **new} if old.get(path, []) != new.get(path, [])]
     changed = [path for path in changed if path not in ("run.seed", "run.replicas")]
     stage = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
-    wrong = [path for path in changed if not may_change(path, scene, stage)]
+    wrong = [path for path in changed if not entry_may_differ(path, scene, stage)]
     if wrong or not changed:
         words = ", ".join(wrong[:MOST_TOLD]) or "an effect or a mesh"
         other = "fill = { law = 'bed', file = ... } begins a new run with its grains"
@@ -136,7 +136,7 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
     return changed
 
 
-def may_change(path: str, scene: Scene, begun: int) -> bool:
+def entry_may_differ(path: str, scene: Scene, begun: int) -> bool:
     """Whether an entry may differ from that of a checkpoint in which the stage `begun` had begun."""
     section, *keys = path.split(".")
     if section == "materials":
@@ -151,7 +151,7 @@ def may_change(path: str, scene: Scene, begun: int) -> bool:
     return section in (*FREE, "measure") or path in (WIND, "domain.outside")
 
 
-def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], changed: list[str]) -> Arrays:
+def fit_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], changed: list[str]) -> Arrays:
     """State of a checkpoint for a changed scene.
 
     Contacts of grains keep their springs. Where walls differ, new ones stand as built, and contacts with all
@@ -166,10 +166,10 @@ def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], c
     if sections & LISTED:
         state["stale"] = np.ones_like(state["stale"])
     walls = meta["scene"]["geometry"]
-    return state | adapt_walls(ensemble, state, walls) if "geometry" in sections else state
+    return state | adapt_wall_state(ensemble, state, walls) if "geometry" in sections else state
 
 
-def adapt_walls(ensemble: EnsembleRun, state: Arrays, before: Mapping[str, Any]) -> Arrays:
+def adapt_wall_state(ensemble: EnsembleRun, state: Arrays, before: Mapping[str, Any]) -> Arrays:
     """Walls as built; those that the checkpoint has too stand and move as there."""
     sim, after, adapted = ensemble.sim, resolve(ensemble.scenes[0])["geometry"], {}
     unchanged = [name for name in sorted(after) if before.get(name) == after[name]]
@@ -182,7 +182,7 @@ def adapt_walls(ensemble: EnsembleRun, state: Arrays, before: Mapping[str, Any])
     return adapted
 
 
-def apply_changes(ensemble: EnsembleRun, changed: list[str]) -> None:
+def apply_scene_changes(ensemble: EnsembleRun, changed: list[str]) -> None:
     """What follows from the changes for restored replicas: gravity, wind, stages after the last one."""
     sim, more = ensemble.sim, f" and {len(changed) - MOST_TOLD} more" if len(changed) > MOST_TOLD else ""
     for replica, (state, scene) in enumerate(zip(ensemble.states, ensemble.scenes, strict=True)):
@@ -190,7 +190,7 @@ def apply_changes(ensemble: EnsembleRun, changed: list[str]) -> None:
         words = f"{', '.join(changed[:MOST_TOLD])}{more}"
         state.warn(f"until {ensemble.time:.6g} s the set-up was another one: {words}")
         if any(path.startswith("gravity") for path in changed):
-            simulation.set_gravity(sim, replica, sim.setups[replica].gravity)
+            simulation.set_replica_gravity(sim, replica, sim.setups[replica].gravity)
         if scene.wind is not None and WIND in changed:
             simulation.spin_up_wind(sim, replica, scene.wind.friction_velocity)
         if state.finished and state.stage < len(scene.stages):

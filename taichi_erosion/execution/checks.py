@@ -9,7 +9,7 @@ from typing import Any
 from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
 from taichi_erosion.core.effect_file import EffectFile, effect_in, read_effect_files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.execution.observables import OBSERVABLES, measure_files
+from taichi_erosion.execution.observables import OBSERVABLES, measure_files_of_scene
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.scene import Scene, laws, load_scene, resolve, scene_hash, step_report
 from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
@@ -31,11 +31,11 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
     `effect_files` are those beside the ones that the scene names itself.
     """
     scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
-    measure_files(scene)
+    measure_files_of_scene(scene)
     if not scene.effects:
         return scene
     try:
-        return with_effects(scene, (*scene_effect_files(scene), *effect_files))
+        return attach_effects_to_scene(scene, (*scene_effect_files(scene), *effect_files))
     except BadInput as error:
         raise BadInput(*fault_lines(scene.file, error.faults)) from None
 
@@ -45,13 +45,13 @@ def scene_effect_files(scene: Scene) -> EffectFiles:
     return read_effect_files(scene.scene.effect_files, scene.folder, str(scene.file))
 
 
-def with_effects(scene: Scene, files: EffectFiles) -> Scene:
+def attach_effects_to_scene(scene: Scene, files: EffectFiles) -> Scene:
     """The scene with the files of its own effects and what its effects are known by. Raises BadInput."""
     from taichi_erosion.effect_library import load_library, package_digests
 
     library = load_library(files)
     entries = {name: parameter_names(effect) for name, effect in library.items()}
-    if lines := list(effect_problems(scene, entries)) or list(range_problems(scene, library)):
+    if lines := list(effect_problems(scene, entries)) or list(effect_range_problems(scene, library)):
         raise BadInput(*lines)
     by_name = {effect_in(file).name: file for file in files}
     used = {name: by_name[name] for name in sorted(scene.effects) if name in by_name}
@@ -61,7 +61,7 @@ def with_effects(scene: Scene, files: EffectFiles) -> Scene:
     return scene
 
 
-def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
+def effect_range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
     """Strengths and parameters of effects outside the ranges that the effects declare."""
     for name, entries in scene.effects.items():
         try:
@@ -97,19 +97,19 @@ def idle_warnings(scene: Scene, files: EffectFiles) -> list[str]:
     names = [name for file in files if (name := effect_in(file).name) not in scene.effects]
     reasons = {name: f"the scene does not name it; --set effects.{name}.strength=1" for name in names}
     library = library_of(scene)
-    reasons |= {name: idle_reason(scene, library[name]) for name in scene.effects}
+    reasons |= {name: why_effect_is_idle(scene, library[name]) for name in scene.effects}
     idle = [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]
-    return [*idle, *unread_conditions(scene, files)]
+    return [*idle, *sentences_on_unread_conditions(scene, files)]
 
 
-def idle_reason(scene: Scene, effect: Any) -> str:
+def why_effect_is_idle(scene: Scene, effect: Any) -> str:
     """What keeps an effect from changing anything in a scene; empty where it acts, or is stated as 0."""
-    from taichi_erosion.simulation.scene_setup import can_act, makes_difference
+    from taichi_erosion.simulation.scene_setup import can_effect_act_in_scene, does_effect_change_scene
 
     if scene.effects[effect.name].get("strength") == 0.0:
         return ""
-    conditions, possible = scene.conditions.values_in_si(), can_act(scene, effect)
-    if possible and makes_difference(scene, effect):
+    conditions, possible = scene.conditions.values_in_si(), can_effect_act_in_scene(scene, effect)
+    if possible and does_effect_change_scene(scene, effect):
         return ""
     if effect.place == "instrument":
         return f"it changes the reading of none of {', '.join(scene.measure)}"
@@ -120,7 +120,7 @@ def idle_reason(scene: Scene, effect: Any) -> str:
     return ", ".join(reasons) or "with these numbers it changes nothing"
 
 
-def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
+def sentences_on_unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
     """Sentences on conditions that no effect of a scene reads; one of 0 is that of a scene without it."""
     from taichi_erosion.effect_library import load_library
 
@@ -129,7 +129,7 @@ def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
     unread = {n: value for n, value in scene.conditions.values_in_si().items() if value and n not in read}
     for name, value in unread.items():
         readers = [each for each in library.values() if name in each.reads]
-        acting = [each for each in readers if would_act(scene, each)]
+        acting = [each for each in readers if effect_would_act(scene, each)]
         names = ", ".join(each.name for each in acting or readers)
         hint = f"; {names} can, but has nothing to act on here" if readers else ", and none of the list"
         if acting:
@@ -137,10 +137,10 @@ def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
         yield f"conditions.{name} = {value:g} changes nothing: no effect of this scene reads it{hint}"
 
 
-def would_act(scene: Scene, effect: Any) -> bool:
+def effect_would_act(scene: Scene, effect: Any) -> bool:
     """Whether an effect that a scene does not name would change something in it."""
     try:
-        return not idle_reason(scene.model_copy(update={"effects": {effect.name: {}}}), effect)
+        return not why_effect_is_idle(scene.model_copy(update={"effects": {effect.name: {}}}), effect)
     except BadInput:
         return False
 
@@ -151,12 +151,12 @@ def comparable(path: Path, scene: Scene | AirScene) -> dict[str, Any]:
     A value that was stated anew stays. Contacts, effects and the number of grains are what is tried.
     """
     file = load_air_scene(path) if isinstance(scene, AirScene) else load_scene(path)
-    same = situation(file) == situation(scene)
+    same = situation_of_measurement(file) == situation_of_measurement(scene)
     values = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
     return {name: measured.model_dump() for name, measured in values.items()}
 
 
-def situation(scene: Scene | AirScene) -> list[Any]:
+def situation_of_measurement(scene: Scene | AirScene) -> list[Any]:
     """What a laboratory's value depends on."""
     if isinstance(scene, AirScene):
         return [scene.conditions, scene.air.model_dump(include=set(OF_BOX))]
@@ -175,7 +175,7 @@ def library_of(*scenes: Scene) -> dict[str, Any]:
     return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files_of_scene))
 
 
-def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
+def load_air_run(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
     """Load an air scene whose measures this program knows. Raises BadInput."""
     return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
 
@@ -193,7 +193,7 @@ def check_scene(
     """
     examined: list[dict[str, Any]] = []
     if is_air_scene(path):
-        scene = read_air_scene(path, overrides)
+        scene = load_air_run(path, overrides)
         limits = {"time_step": air_time_step(scene), "time_step_longest": stable_step(scene), "warnings": []}
     else:
         named = named_effects(effect_files)
@@ -219,7 +219,7 @@ def compatibility_key(scene: Scene) -> str:
     Replicas with and without an attraction between grains, a change of the scene or an instrument run beside
     each other and come out bit for bit as alone.
     """
-    effective, effects = compiled_effects(scene)
+    effective, effects = apply_and_list_effects(scene)
     clumped = effective.grains.clump is not None
     air = None
     if effective.wind is not None:  # the layers of the air are fixed, and whether air may rise
@@ -231,7 +231,7 @@ def compatibility_key(scene: Scene) -> str:
     return json.dumps([*choices, scene.run.check_interval, air], sort_keys=True)
 
 
-def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
+def apply_and_list_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
     """The scene changed by its effects, and (name, strength > 0) of the effects that are compiled in.
 
     Where an effect is not in the library or refuses the scene, all count as compiled in: its replica then

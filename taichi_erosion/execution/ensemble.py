@@ -25,7 +25,7 @@ from taichi_erosion.execution.recorder import (
     open_recorder,
     record_replica,
 )
-from taichi_erosion.execution.result import apply_instruments, replica_record, versions
+from taichi_erosion.execution.result import apply_instruments, replica_record, versions_of_dependencies
 from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import Scene, laws, resolve, scene_hash
 from taichi_erosion.simulation import Simulation, effective_scene, prepare, reuse_or_assemble
@@ -50,11 +50,11 @@ def run_replicas(requests: Sequence[ReplicaRequest], numerics: Numerics, on_resu
     the ensemble's) and `failure`: None, or the reason of a missing result. A replica that cannot start fails
     alone.
     """
-    run_replicas_after(None, requests, numerics, on_result)
+    run_replicas_reusing_buffers(None, requests, numerics, on_result)
     stop_device()
 
 
-def run_replicas_after(
+def run_replicas_reusing_buffers(
     previous: Simulation | None, requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult
 ) -> Simulation | None:
     """The same in the buffers of an ensemble that has ended; returns the simulation for the next one.
@@ -67,7 +67,7 @@ def run_replicas_after(
         try:
             setups[index] = prepare(request.scene, request.seed, library)
         except BadInput as error:
-            on_result(index, refusal_record(request, str(error)))
+            on_result(index, record_of_refused_replica(request, str(error)))
     if not setups:
         return previous
     scenes = [effective_scene(requests[index].scene, library) for index in setups]
@@ -76,7 +76,7 @@ def run_replicas_after(
     except BadInput as error:
         for index in setups:
             if len(setups) == 1:
-                on_result(index, refusal_record(requests[index], str(error)))
+                on_result(index, record_of_refused_replica(requests[index], str(error)))
             else:
                 run_replicas([requests[index]], numerics, lambda _, record, i=index: on_result(i, record))
         return None
@@ -88,10 +88,10 @@ def run_replicas_after(
     return sim
 
 
-def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
+def record_of_refused_replica(request: ReplicaRequest, reason: str) -> dict[str, Any]:
     """Record of a replica that could not start."""
     empty = {"seed": request.seed, "measures": {}, "warnings": [], "removed": [], "time": 0.0}
-    cost = {"wall_s": 0.0, "cpu_s": 0.0, "versions": versions()}
+    cost = {"wall_s": 0.0, "cpu_s": 0.0, "versions": versions_of_dependencies()}
     return empty | cost | {"hash": scene_hash(request.scene), "stopped": "refused", "failure": reason}
 
 
@@ -142,5 +142,5 @@ class ResultReporter:
         failure = record["warnings"][-1] if record["stopped"] is not None else None
         count = len(self.ready)
         wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start
-        cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions()}
+        cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions_of_dependencies()}
         return record | cost | {"hash": hashed, "failure": failure}

@@ -65,7 +65,7 @@ class EnsembleRun:
     lifting_energies: Floats = field(init=False)  # J, by replica; see `lifting_energy`
 
     def __post_init__(self) -> None:
-        self.lifting_energies = np.array([stages.lifting_energy(setup) for setup in self.sim.setups])
+        self.lifting_energies = np.array([stages.energy_to_lift_grains(setup) for setup in self.sim.setups])
 
     @property
     def check_interval(self) -> float:
@@ -85,7 +85,7 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
         if state.stage < 0:
             stages.begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
     while any(state.active for state in ensemble.states):
-        run_interval(ensemble)
+        advance_to_next_check(ensemble)
         for callback in callbacks:
             callback(ensemble)
     if ensemble.repeats:
@@ -94,7 +94,7 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
         stages.measure_stage(sim, scene, len(scene.stages) - 1, final_states)
 
 
-def run_interval(ensemble: EnsembleRun) -> None:
+def advance_to_next_check(ensemble: EnsembleRun) -> None:
     """Advance all active replicas to the next check, and check them."""
     sim, interval = ensemble.sim, ensemble.check_interval
     target = (ensemble.checks + 1) * interval
@@ -115,24 +115,24 @@ def run_interval(ensemble: EnsembleRun) -> None:
 def check_replica(ensemble: EnsembleRun, replica: int, state: stages.ReplicaState) -> None:
     """Sanity checks, then tilt, frames and the end of the stage."""
     sim, scene, now = ensemble.sim, ensemble.scenes[replica], ensemble.time
-    state.failure = state.failure or energy_failure(ensemble, replica, state)
+    state.failure = state.failure or failure_of_energy_gain(ensemble, replica, state)
     if state.failure is not None:
         return
     stages.tilt_gravity(sim, scene, replica, state, now)
-    stages.store_frame(sim, scene, replica, state, now)
-    stages.settle_air(sim, scene.stages[state.stage], replica)
+    stages.store_frame_if_due(sim, scene, replica, state, now)
+    stages.set_steady_air_profile(sim, scene.stages[state.stage], replica)
     if ensemble.holds:
         return
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
     if stages.stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
-        state.failure = count_failure(sim, replica, now)
+        state.failure = failure_of_lost_grains(sim, replica, now)
         if state.failure is None:
             if not ensemble.repeats or state.stage + 1 < len(scene.stages):
                 stages.measure_stage(sim, scene, state.stage, {replica: state})
             stages.begin_stage(sim, scene, replica, state, now)
 
 
-def energy_failure(ensemble: EnsembleRun, replica: int, state: stages.ReplicaState) -> Failure | None:
+def failure_of_energy_gain(ensemble: EnsembleRun, replica: int, state: stages.ReplicaState) -> Failure | None:
     """Failure where mechanical energy grew although nothing did work on the grains.
 
     Moving walls, released grains, a tilting plate, air, effects and adhesion exchange energy that this sum
@@ -154,7 +154,7 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: stages.ReplicaSta
     return Failure(Status.ENERGY, ensemble.time, -1, -1, (now - before) / scale)
 
 
-def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
+def failure_of_lost_grains(sim: Simulation, replica: int, time: float) -> Failure | None:
     """Failure where grains are missing or doubled, a coordinate is not finite, or mass was lost.
 
     The grains must be the released rows of the GrainTable, each once, with their masses, without those that

@@ -59,7 +59,7 @@ class MeasureInput:
     network: Callable[[], ContactNetwork] | None = None  # contacts at the end
 
     @property
-    def patch(self) -> wind_bed.Patch:
+    def wind_patch(self) -> wind_bed.Patch:
         return patch_of(self.scene)
 
     @property
@@ -68,18 +68,18 @@ class MeasureInput:
         return self.frames[self.window.first :] if self.window else self.frames
 
     @property
-    def steady_airs(self) -> tuple[AirProfile, ...]:
+    def steady_air_profiles(self) -> tuple[AirProfile, ...]:
         """Air of those frames."""
         return self.airs[self.window.first :] if self.window else self.airs
 
     @property
-    def tunnel(self) -> threshold.Tunnel:
+    def wind_tunnel(self) -> threshold.Tunnel:
         """The tunnel in which the patch lies."""
-        patch, search = self.patch, self.scene.threshold
+        patch, search = self.wind_patch, self.scene.threshold
         return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.tunnel_ratio)
 
     @property
-    def plate(self) -> Wall | None:
+    def plate_under_heap(self) -> Wall | None:
         """The plate under the heap: as stated, or that of another measure."""
         requests = (self.request, *self.scene.measure.values())
         return self.scene.geometry.get(next((each.plate for each in requests if each.plate), ""))
@@ -104,22 +104,22 @@ class MeasureInput:
     @property
     def base_height(self) -> float:
         """Height of the plate at the origin [m]."""
-        if isinstance(self.plate, Plane):
-            return self.plate.point[2]
-        return self.plate.centre[2] if isinstance(self.plate, Disc) else 0.0
+        if isinstance(self.plate_under_heap, Plane):
+            return self.plate_under_heap.point[2]
+        return self.plate_under_heap.centre[2] if isinstance(self.plate_under_heap, Disc) else 0.0
 
     @property
     def plate_radius(self) -> float | None:
         """Radius of a round plate [m], None for one without an edge."""
-        return self.plate.radius if isinstance(self.plate, Disc) else None
+        return self.plate_under_heap.radius if isinstance(self.plate_under_heap, Disc) else None
 
     @cached_property
     def grains_off_plate(self) -> NDArray[np.bool_]:
         """Grains at the end that have fallen below a round plate."""
-        if not isinstance(self.plate, Disc):
+        if not isinstance(self.plate_under_heap, Disc):
             return np.zeros(self.end.radius.size, bool)
-        upwards = np.multiply(self.plate.axis, copysign(1.0, self.plate.axis[2]))
-        return (self.end.position - self.plate.centre) @ upwards <= 0.0
+        upwards = np.multiply(self.plate_under_heap.axis, copysign(1.0, self.plate_under_heap.axis[2]))
+        return (self.end.position - self.plate_under_heap.centre) @ upwards <= 0.0
 
     @cached_property
     def grains_in_tube(self) -> NDArray[np.bool_]:
@@ -137,26 +137,26 @@ class MeasureInput:
         return inside
 
     @cached_property
-    def heap(self) -> Snapshot:
+    def heap_snapshot(self) -> Snapshot:
         """The heap alone at the end: without grains that fell off a round plate or are held above it."""
         away = self.grains_off_plate | self.grains_in_tube
         return heap.select_grains(self.end, ~away) if away.any() else self.end
 
     @property
-    def fallen_grains(self) -> int:
+    def count_of_fallen_grains(self) -> int:
         """Number of grains that fell off the plate or left the domain."""
         return int(self.grains_off_plate.sum()) + self.end.removed
 
     @property
-    def fallen_words(self) -> str:
+    def fallen_grains_text(self) -> str:
         """How many grains fell off the plate, in words; empty where none did."""
-        whole, loss = self.end.radius.size + self.end.removed, self.fallen_grains
+        whole, loss = self.end.radius.size + self.end.removed, self.count_of_fallen_grains
         return f"{loss:,} of {whole:,} grains fell off the plate; the others are measured" if loss else ""
 
     @cached_property
-    def landings(self) -> splash.Splash:
+    def splash_of_landings(self) -> splash.Splash:
         """Landings of grains in steady transport."""
-        return splash.count_splash_events(self.steady_frames, self.patch, self.scene.gravity.magnitude)
+        return splash.count_splash_events(self.steady_frames, self.wind_patch, self.scene.gravity.magnitude)
 
 
 def patch_of(scene: Scene) -> wind_bed.Patch:
@@ -167,7 +167,7 @@ def patch_of(scene: Scene) -> wind_bed.Patch:
     return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
-def drum_angle(state: MeasureInput) -> Measurement:
+def dynamic_angle_in_drum(state: MeasureInput) -> Measurement:
     """Dynamic angle in the cylinder that the measure names as its plate."""
     wall = state.scene.geometry.get(state.request.plate or "")
     if isinstance(wall, Cylinder):
@@ -175,76 +175,76 @@ def drum_angle(state: MeasureInput) -> Measurement:
     return drum_and_incline.dynamic_angle(state.frames, inf)
 
 
-def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
+def measure_of_threshold(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a threshold that the search has bracketed."""
     return lambda state: threshold.threshold_from_bracket(name, state.thresholds.get(kind))
 
 
-def ratio_of(name: str, impact: str) -> Callable[[MeasureInput], Measurement]:
+def measure_of_threshold_ratio(name: str, impact: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of one reading of the impact threshold over the fluid threshold."""
     return lambda e: threshold.ratio(name, OBSERVABLES[impact](e), OBSERVABLES["fluid_threshold"](e))
 
 
-def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
+def measure_of_profile(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of the coarse-grained profile, by the name of its function."""
 
-    def measure(state: MeasureInput) -> Measurement:
+    def measure_profile_now(state: MeasureInput) -> Measurement:
         assert state.profile is not None
         try:
             return getattr(coarse_graining, name)(state.end, state.profile())
         except BadInput as error:
             return no_measurement(name, "1", str(error))
 
-    return measure
+    return measure_profile_now
 
 
 def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
-    return lambda state: wall_loads.value_at_peak_ratio(name, state.wall_load, state.axis, state.area)
+    return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "repose_angle": lambda e: heap.repose_angle(
-        e.heap, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
+        e.heap_snapshot, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
     ),
-    "cone_angle": lambda e: heap.cone_angle(e.heap, e.base_height),
-    "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.heap, e.base_height),
-    "pile_height": lambda e: heap.pile_height(e.heap, e.base_height),
-    "centroid_height": lambda e: heap.centroid_height(e.heap, e.base_height),
-    "radius_90": lambda e: heap.radius_90(e.heap),
-    "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
-    "column_height": lambda e: heap.settled_column_height(e.heap, e.base_height),
+    "cone_angle": lambda e: heap.cone_angle(e.heap_snapshot, e.base_height),
+    "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.heap_snapshot, e.base_height),
+    "pile_height": lambda e: heap.pile_height(e.heap_snapshot, e.base_height),
+    "centroid_height": lambda e: heap.centroid_height(e.heap_snapshot, e.base_height),
+    "radius_90": lambda e: heap.radius_90(e.heap_snapshot),
+    "runout_radius": lambda e: heap.runout_radius(e.heap_snapshot, e.base_height),
+    "column_height": lambda e: heap.settled_column_height(e.heap_snapshot, e.base_height),
     "wall_force": lambda e: wall_loads.mean_force_along_axis(e.wall_load, e.axis),
     "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
     "friction_angle": lambda e: wall_loads.peak_friction_angle(e.wall_load, e.axis),
     "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
     **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
-    "dynamic_angle": drum_angle,
+    "dynamic_angle": dynamic_angle_in_drum,
     "sliding_angle": lambda e: drum_and_incline.angle_at_which_grains_slide(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow_rate(
         e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
     ),
-    "solid_fraction": of_fields("solid_fraction"),
-    "lateral_stress_ratio": of_fields("lateral_stress_ratio"),
+    "solid_fraction": measure_of_profile("solid_fraction"),
+    "lateral_stress_ratio": measure_of_profile("lateral_stress_ratio"),
     "settling_velocity": lambda e: wind_bed.mean_settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),
-    "flux": lambda e: wind_bed.mean_sand_flux(e.steady_frames, e.patch),
-    "flux_height": lambda e: wind_bed.flux_decay_height(e.steady_frames, e.patch),
-    "bed_stress": lambda e: wind_bed.mean_air_stress_at_bed(e.steady_airs, e.patch),
-    "grain_stress": lambda e: wind_bed.mean_grain_stress_at_bed(e.steady_airs, e.patch),
-    "rebound_share": lambda e: splash.rebound_share(e.landings),
-    "rebound_speed": lambda e: splash.rebound_speed_ratio(e.landings),
-    "ejecta_share": lambda e: splash.ejecta_share(e.landings),
-    "rolling_onset": threshold_of("rolling_onset", "rolling_onset"),
-    "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
-    "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
-    "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
+    "flux": lambda e: wind_bed.mean_sand_flux(e.steady_frames, e.wind_patch),
+    "flux_height": lambda e: wind_bed.flux_decay_height(e.steady_frames, e.wind_patch),
+    "bed_stress": lambda e: wind_bed.mean_air_stress_at_bed(e.steady_air_profiles, e.wind_patch),
+    "grain_stress": lambda e: wind_bed.mean_grain_stress_at_bed(e.steady_air_profiles, e.wind_patch),
+    "rebound_share": lambda e: splash.rebound_share(e.splash_of_landings),
+    "rebound_speed": lambda e: splash.rebound_speed_ratio(e.splash_of_landings),
+    "ejecta_share": lambda e: splash.ejecta_share(e.splash_of_landings),
+    "rolling_onset": measure_of_threshold("rolling_onset", "rolling_onset"),
+    "fluid_threshold": measure_of_threshold("fluid_threshold", "fluid_threshold"),
+    "threshold_u_star": measure_of_threshold("threshold_u_star", "fluid_threshold"),
+    "impact_threshold": measure_of_threshold("impact_threshold", "impact_threshold"),
     threshold.LINE: lambda e: threshold.threshold_from_line(e.thresholds.get(threshold.LINE)),
-    "threshold_ratio": ratio_of("threshold_ratio", "impact_threshold"),
-    "threshold_ratio_linear": ratio_of("threshold_ratio_linear", "impact_threshold_linear"),
+    "threshold_ratio": measure_of_threshold_ratio("threshold_ratio", "impact_threshold"),
+    "threshold_ratio_linear": measure_of_threshold_ratio("threshold_ratio_linear", "impact_threshold_linear"),
     "threshold_wind_speed": lambda e: threshold.tunnel_speed(
-        "threshold_wind_speed", e.thresholds.get("fluid_threshold"), e.tunnel
+        "threshold_wind_speed", e.thresholds.get("fluid_threshold"), e.wind_tunnel
     ),
 }
 
@@ -253,9 +253,9 @@ ANGLES = ("repose_angle", "cone_angle", "angle_of_repose")
 OF_HEAP = (*ANGLES, "pile_height", "centroid_height", "radius_90", "runout_radius", "column_height")
 
 
-def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Iterable[Shortfall]:
+def shortfalls_of_heap_size(heap_state: MeasureInput, measurement: Measurement) -> Iterable[Shortfall]:
     """Whether the heap is large enough for an angle."""
-    state = heap_state.heap
+    state = heap_state.heap_snapshot
     measured = heap_state.scene.measured.get(measurement.name)
     if heap.why_snapshot_unmeasurable(state) or (measured is not None and measured.same_size):
         return ()
@@ -267,7 +267,7 @@ def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Itera
     return (replace(each, stated=heap_state.request.of_this_size and not each.blocks) for each in lacking)
 
 
-def small_heap(scene: Scene, name: str, angles: Floats) -> str:
+def why_heap_is_too_small(scene: Scene, name: str, angles: Floats) -> str:
     """Why a heap is too small for all of some angles [deg], before it is simulated; else empty.
 
     A cone without stray grains has half of those by which heaps are planned.
@@ -281,7 +281,7 @@ def small_heap(scene: Scene, name: str, angles: Floats) -> str:
     return words if count < CONE_SHARE * least else ""
 
 
-def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+def shortfalls_of_drum_surface(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     """Whether the surface in a drum is wide enough for a slope."""
     wall = state.scene.geometry.get(state.request.plate or "")
     if not isinstance(wall, Cylinder) or heap.why_snapshot_unmeasurable(state.end):
@@ -290,16 +290,16 @@ def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfal
     return shortfalls.surface_shortfalls(width / heap.median_diameter_by_volume(state.end))
 
 
-def hop_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+def shortfalls_of_hop_count(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     """Whether enough hops carry what is measured."""
-    return shortfalls.hop_shortfalls(len(state.landings.impacts)) if state.frames else ()
+    return shortfalls.hop_shortfalls(len(state.splash_of_landings.impacts)) if state.frames else ()
 
 
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
-    **dict.fromkeys(ANGLES, heap_shortfalls),
-    "dynamic_angle": surface_shortfalls,
+    **dict.fromkeys(ANGLES, shortfalls_of_heap_size),
+    "dynamic_angle": shortfalls_of_drum_surface,
     "settling_velocity": lambda e, _: shortfalls.touching_shortfalls(float((e.end.contacts > 0).mean())),
-    **dict.fromkeys(("flux", "flux_height", *SPLASH), hop_shortfalls),
+    **dict.fromkeys(("flux", "flux_height", *SPLASH), shortfalls_of_hop_count),
 }
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 
@@ -311,7 +311,7 @@ def measure(name: str, state: MeasureInput) -> Measurement:
         end, *frames = of_kind
         state = replace(state, end=end, frames=tuple(frames))
     if state.request.file is not None:
-        return file_measure(name, state)
+        return measure_by_user_file(name, state)
     measurement = OBSERVABLES[name](state)
     if name in OF_HEAP and (inside := state.grains_in_tube).sum() > LEFT_MOST * inside.size:
         reason = f"{inside.sum():,} of {inside.size:,} grains are still in the funnel or tube"
@@ -320,15 +320,15 @@ def measure(name: str, state: MeasureInput) -> Measurement:
     if state.window and name in OF_TRANSPORT:
         measurement = replace(measurement, details=measurement.details | state.window.window_details)
         lacking += state.window.lacking
-    if state.fallen_words and name in OF_HEAP:
-        notes = (*measurement.notes, state.fallen_words)
-        details = measurement.details | {"fallen_grains": state.fallen_grains}
+    if state.fallen_grains_text and name in OF_HEAP:
+        notes = (*measurement.notes, state.fallen_grains_text)
+        details = measurement.details | {"fallen_grains": state.count_of_fallen_grains}
         measurement = replace(measurement, notes=notes, details=details)
     return replace(measurement, shortfalls=(*measurement.shortfalls, *lacking))
 
 
 @lru_cache
-def unit_and_function(file: EffectFile) -> tuple[str, Callable[..., Any]]:
+def load_measure_file(file: EffectFile) -> tuple[str, Callable[..., Any]]:
     """Unit and function of a file, which is executed once. Raises BadInput where one is missing."""
     module = execute(file, REMEDY)
     unit, function = getattr(module, "UNIT", None), getattr(module, "measure", None)
@@ -337,16 +337,16 @@ def unit_and_function(file: EffectFile) -> tuple[str, Callable[..., Any]]:
     return unit, function
 
 
-def measure_files(scene: Scene) -> dict[str, EffectFile]:
+def measure_files_of_scene(scene: Scene) -> dict[str, EffectFile]:
     """Files of the measures of a scene that are the user's own, by name. Raises BadInput."""
     named = {name: order.file for name, order in scene.measure.items() if order.file is not None}
     files = {name: read_effect_file(scene.folder / file, scene.file) for name, file in named.items()}
     for file in files.values():
-        unit_and_function(file)
+        load_measure_file(file)
     return files
 
 
-def file_measure(name: str, state: MeasureInput) -> Measurement:
+def measure_by_user_file(name: str, state: MeasureInput) -> Measurement:
     """What the function gives at the end of the stage: a number, or one with its standard deviation.
 
     It gets xarrays of the grains that are there, of the contacts and of the walls, in SI units.
@@ -354,7 +354,7 @@ def file_measure(name: str, state: MeasureInput) -> Measurement:
     from taichi_erosion.recording.export import contact_table, grain_frame, grain_table, wall_table
 
     assert state.network is not None
-    unit, function = unit_and_function(measure_files(state.scene)[name])
+    unit, function = load_measure_file(measure_files_of_scene(state.scene)[name])
     network = state.network()
     grains = grain_table([grain_frame(state.end)]).isel(time=0).sel(grain=state.end.ident)
     try:

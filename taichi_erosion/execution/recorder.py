@@ -17,7 +17,7 @@ from taichi_erosion.execution.grain_fields import fields_now
 from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.stages import whole_intervals
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
-from taichi_erosion.measures.wind_bed import sand_flux_of_frame
+from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.air_recording import log_fields, log_profile
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
@@ -71,17 +71,17 @@ def resting_speed(setup: Setup) -> float:
 
 def side_view(setup: Setup) -> pictures.SideView:
     """Window of the film: the whole apparatus."""
-    low, high = apparatus_box(setup)
+    low, high = corners_of_apparatus_box(setup)
     return pictures.SideView((low[0], low[2]), (high[0], high[2]))
 
 
 def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
     """All walls; endless ones end at the box around the apparatus."""
     moving = frozenset(wall for stage in scene.stages for wall in (*stage.remove, *stage.move))
-    return wall_meshes(setup, apparatus_box(setup), moving)
+    return wall_meshes(setup, corners_of_apparatus_box(setup), moving)
 
 
-def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
+def corners_of_apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
     table = setup.primitives
     nowhere = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -119,14 +119,14 @@ def record_replica(recorder: Recorder, ensemble: EnsembleRun) -> None:
         recorder.stage += 1
         stream.log_text(recording, "INFO", f"stage {stages[recorder.stage].name} begins")
     if whole_intervals(ensemble.time, recorder.interval) >= recorder.frames or not state.active:
-        record_frame(recorder, ensemble)
+        record_frame_and_picture(recorder, ensemble)
         if not state.active:
             recorder.interval = inf
 
 
-def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
+def record_frame_and_picture(recorder: Recorder, ensemble: EnsembleRun) -> None:
     """One frame of the recording, and one picture of the film if it is due."""
-    now = log_frame(recorder, ensemble.sim, ensemble.scenes[recorder.replica])
+    now = log_present_frame(recorder, ensemble.sim, ensemble.scenes[recorder.replica])
     if recorder.frames % recorder.film_every == 0:
         speeds = (recorder.resting_speed, stream.FASTEST_COLOUR)
         walls = present_walls(recorder.walls, ensemble.sim, recorder.replica)
@@ -137,11 +137,11 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
     recorder.frames = whole_intervals(ensemble.time, recorder.interval) + 1
 
 
-def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
+def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     """Write grains, totals, walls and wind as they are now; returns the snapshot of the grains."""
     now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
-    stream.log_totals(recorder.recording, simulation.totals(sim, recorder.replica))
+    stream.log_totals(recorder.recording, simulation.energy_totals(sim, recorder.replica))
     log_walls(recorder, sim)
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
@@ -152,7 +152,7 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
         log_profile(recorder.recording, air.velocity[:, 0], air.face)
         patch = patch_of(scene)
         values = {
-            "flux": sand_flux_of_frame(now, patch),
+            "flux": flux_of(now, patch),
             "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
             "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
         }
@@ -198,7 +198,7 @@ def finish_recording(
     result = {name: measured["value"] for name, measured in record["measures"].items()}
     scene = {"seed": record["seed"]} | dict(properties.get("scene", {}))
     try:
-        files = {"recording": str(recording.path)} | write_pictures(recorder, ensemble)
+        files = {"recording": str(recording.path)} | write_silhouettes_and_film(recorder, ensemble)
         for warning in record["warnings"]:
             stream.log_text(recording, "WARN", warning)
         stream.close(recording, {"result": result, "scene": scene, "doe": properties.get("doe", {})})
@@ -208,7 +208,7 @@ def finish_recording(
     return files
 
 
-def write_pictures(recorder: Recorder, ensemble: EnsembleRun) -> dict[str, str]:
+def write_silhouettes_and_film(recorder: Recorder, ensemble: EnsembleRun) -> dict[str, str]:
     """Write silhouettes of the heap, where they were measured, and the film; returns the files by kind."""
     path = recorder.recording.path
     files = {}

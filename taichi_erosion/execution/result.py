@@ -52,7 +52,7 @@ from taichi_erosion.measures.result import Measurement, as_record, json_value, w
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import is_checkpoint
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
+from taichi_erosion.simulation.scene_setup import Library, circumstances_of, effect_params, effective_scene
 
 RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
 RECORDING = ".rrd"
@@ -61,7 +61,7 @@ HEAD = 4096  # bytes of a recording in which the name of its program stands
 PROGRAM = b"taichi_erosion"
 
 
-def record_of(path: Path, scene: Scene | AirScene, seed: int, options: RunOptions) -> Path:
+def recording_path_of_run(path: Path, scene: Scene | AirScene, seed: int, options: RunOptions) -> Path:
     """Recording of a run: as named, or after scene, hash and seed."""
     return options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{seed}{RECORDING}"
 
@@ -86,13 +86,13 @@ def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> No
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
     for path in present:
         check_writable(path)
-    earlier = written_before(record, scene)
+    earlier = files_of_earlier_run(record, scene)
     for path in [] if force else present:
         if path.name not in earlier and not is_recording(path):
             raise BadInput(f"{path}: exists, and no run of {scene} wrote it; {REMEDY}")
 
 
-def written_before(record: Path, scene: Path) -> set[str]:
+def files_of_earlier_run(record: Path, scene: Path) -> set[str]:
     """Names of the files of an earlier run of a scene, if a document beside the recording tells of one."""
     document = record.with_suffix(".json")
     try:
@@ -120,7 +120,7 @@ def apply_instruments(
     instruments = [library[name] for name in sorted(scene.effects) if library[name].place == "instrument"]
     conditions = circumstances_of(effective_scene(scene, library)) if instruments else {}
     for effect in instruments:
-        params, strength = checked_params(scene, effect)
+        params, strength = effect_params(scene, effect)
         if strength == 0.0:
             continue
         for name, true in read.items():
@@ -171,12 +171,12 @@ def run_document(
         **entries,
         "resolved": resolve(scene),
         "engine": engine_name(),
-        "versions": versions(),
+        "versions": versions_of_dependencies(),
     }
 
 
 @cache
-def versions() -> dict[str, str]:
+def versions_of_dependencies() -> dict[str, str]:
     """Versions that a result depends on."""
     return {"taichi_erosion": __version__, "python": platform.python_version()} | {
         name: version(name) for name in (engine_name(), "numpy", "scipy", "rerun-sdk")

@@ -19,10 +19,10 @@ from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.execution import RunOptions, result
 from taichi_erosion.execution.checkpoint import (
     Checkpointer,
-    adapt_state,
-    apply_changes,
-    changed_entries,
-    restore_run,
+    apply_scene_changes,
+    entries_that_differ,
+    fit_state,
+    restore_run_state,
 )
 from taichi_erosion.execution.checks import idle_warnings, library_of, named_effects, read_scene, setup_report
 from taichi_erosion.execution.ensemble_loop import (
@@ -39,8 +39,8 @@ from taichi_erosion.recording import stream
 from taichi_erosion.scene import Scene, laws, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import load_checkpoint
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
-from taichi_erosion.simulation.capacities import has_grids, has_servos
-from taichi_erosion.simulation.team import mean_threads
+from taichi_erosion.simulation.capacities import any_grid, any_servo
+from taichi_erosion.simulation.team import mean_team_size
 
 CROSSOVER = 5_000  # grains of all replicas from which `auto` takes a graphics processor: docs/speed.md
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -53,19 +53,19 @@ class PendingSignals:
 
     arrived: list[int] = field(default_factory=list)
 
-    def handle(self, number: int, frame: FrameType | None) -> None:
+    def note_signal(self, number: int, frame: FrameType | None) -> None:
         self.arrived.append(number)
         if len(self.arrived) > 1:
-            self.raise_pending()
+            self.raise_first_signal()
 
-    def raise_pending(self) -> None:
+    def raise_first_signal(self) -> None:
         """Raise KeyboardInterrupt or SystemExit for the first signal, if one has arrived."""
         if self.arrived:
             raise KeyboardInterrupt if self.arrived[0] == signal.SIGINT else SystemExit(128 + self.arrived[0])
 
 
 @contextmanager
-def deferred_signals() -> Iterator[PendingSignals]:
+def defer_signals() -> Iterator[PendingSignals]:
     """Collect signals, to be raised between checks, where device and run state agree.
 
     Only the main thread can handle signals; those that the program was started to ignore, as `nohup` and
@@ -76,7 +76,7 @@ def deferred_signals() -> Iterator[PendingSignals]:
         yield pending
         return
     handled = [number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN]
-    before = {number: signal.signal(number, pending.handle) for number in handled}
+    before = {number: signal.signal(number, pending.note_signal) for number in handled}
     try:
         yield pending
     finally:
@@ -96,13 +96,13 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     scene = read_scene(path, (*options.overrides, *numbers), named)
     hashed = scene_hash(scene)
-    record = result.record_of(path, scene, scene.run.seed, options)
+    record = result.recording_path_of_run(path, scene, scene.run.seed, options)
     library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
     recorder = None
     if not options.no_record:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
-        text = scene_text(path, options.overrides)
+        text = scene_text_with_overrides(path, options.overrides)
         recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
     interval = options.checkpoint_interval
     checkpointer = Checkpointer(
@@ -112,10 +112,10 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         whole_intervals(ensemble.time, interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
-    with deferred_signals():  # a signal that comes now acts once everything is written
+    with defer_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
             state.measurements = result.apply_instruments(state.measurements, scene, library)
-        document = scene_document(path, scene, ensemble, time.perf_counter() - started)
+        document = grain_run_document(path, scene, ensemble, time.perf_counter() - started)
         document["limits"]["warnings"] += idle_warnings(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
@@ -140,22 +140,22 @@ def assemble_run(
     result.refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
-        changed = changed_entries(options.resume, effective, resume[1])
+        changed = entries_that_differ(options.resume, effective, resume[1])
     grains = sum(len(setup.grains.radius) for setup in setups)
-    arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups) or has_servos(setups))
+    arch = choose_device(options.arch, options.decomposition, grains, any_grid(setups) or any_servo(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     states = [ReplicaState(seed) for seed in seeds]
     ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
     if resume:
-        import_state(sim, adapt_state(ensemble, *resume, changed) if changed else resume[0])
-        restore_run(ensemble, *resume)
+        import_state(sim, fit_state(ensemble, *resume, changed) if changed else resume[0])
+        restore_run_state(ensemble, *resume)
         if changed:
-            apply_changes(ensemble, changed)
+            apply_scene_changes(ensemble, changed)
     return ensemble
 
 
-def arch_of(arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool) -> Arch:
+def choose_device(arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool) -> Arch:
     """Device of a run; `auto` takes a graphics processor where there is one and replicas have grains enough.
 
     `on_grids`: with grids of air, which one thread per grain does not have.
@@ -166,7 +166,7 @@ def arch_of(arch: ArchChoice, decomposition: Decomposition | None, grains: int, 
     return "cuda" if grains >= CROSSOVER and runs_there else "cpu"
 
 
-def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
+def scene_text_with_overrides(path: Path, overrides: tuple[str, ...]) -> str:
     """The scene file, below comments with the overrides of this run."""
     return "".join(f"# --set {override}\n" for override in overrides) + path.read_text(encoding="utf-8")
 
@@ -181,10 +181,10 @@ def run_with_outputs(
     if options.progress:
         callbacks.append(partial(report_progress, options.progress))
     try:
-        with deferred_signals() as pending:
-            run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_pending()])
+        with defer_signals() as pending:
+            run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_first_signal()])
     except (KeyboardInterrupt, SystemExit) as interruption:
-        checkpointer.save(ensemble)
+        checkpointer.save_ensemble(ensemble)
         closed = f"recording {stream.close(recorder.recording)}; " if recorder else ""
         if isinstance(interruption, KeyboardInterrupt):
             interruption.args = (f"{closed}checkpoint {checkpointer.path}",)
@@ -194,10 +194,10 @@ def run_with_outputs(
             stream.close(recorder.recording)
         raise
     if options.checkpoint and isinf(options.checkpoint_interval):
-        checkpointer.save(ensemble)
+        checkpointer.save_ensemble(ensemble)
 
 
-def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: float) -> dict[str, Any]:
+def grain_run_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: float) -> dict[str, Any]:
     """The result document of a scene of grains."""
     sim = ensemble.sim
     numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
@@ -212,7 +212,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         pooled,
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
-        numerics=numerics | mean_threads(sim.team),
+        numerics=numerics | mean_team_size(sim.team),
         limits=setup_report(scene),
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,

@@ -30,15 +30,15 @@ from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, w
 from taichi_erosion.core.setup import GrainTable, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
-from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message, run_interval
+from taichi_erosion.execution.ensemble_loop import EnsembleRun, advance_to_next_check, failure_message
 from taichi_erosion.execution.observables import measure
 from taichi_erosion.execution.result import apply_instruments
-from taichi_erosion.execution.scene_run import scene_text
+from taichi_erosion.execution.scene_run import scene_text_with_overrides
 from taichi_erosion.execution.stages import (
     ReplicaState,
     at_rest,
     begin_stage,
-    measure_inputs,
+    measure_inputs_of_replica,
     transport_window,
     whole_intervals,
 )
@@ -52,7 +52,7 @@ from taichi_erosion.scene.preparation.fill import pour_with_inlets_open
 from taichi_erosion.scene.preparation.setup import append_grains_by_release
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
-from taichi_erosion.simulation.saved_state import without_grains
+from taichi_erosion.simulation.saved_state import remove_grains_from_state
 
 RUN_TO = "run to"  # command of the history: runs of several calls become one
 CHANGES = ("set ", "insert ", "remove ")  # commands that change what a run goes on with
@@ -130,7 +130,7 @@ def build(
     return EnsembleRun([effective], sim, [ReplicaState(seed)], holds=True)
 
 
-def next_stage(session: Session) -> str:
+def begin_next_stage(session: Session) -> str:
     """Begin the next stage of the scene; returns its name. Raises BadInput after the last one."""
     stages = session.scene.stages
     if session.state.stage + 1 == len(stages):
@@ -140,41 +140,41 @@ def next_stage(session: Session) -> str:
     return stages[session.state.stage].name
 
 
-def run_to(session: Session, time: float) -> None:
+def run_until_time(session: Session, time: float) -> None:
     """Run until a time [s], with callbacks at every check and at the end. Raises SimulationStopped."""
-    raise_failure(session)
+    raise_if_session_failed(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
     while session.time < time - tolerance:
-        keep_state(session)
+        keep_present_state(session)
         if time < ensemble.time + ensemble.check_interval - tolerance:
             simulation.advance(session.sim, [time])
             session.time, session.state.failure = time, simulation.failure(session.sim, 0)
         else:
-            run_interval(ensemble)
+            advance_to_next_check(ensemble)
             session.time = ensemble.time
         if session.history and session.history[-1].startswith(RUN_TO):
             session.history.pop()
         session.history.append(f"{RUN_TO} {session.time!r}")
-        raise_failure(session)
-        keep_sample(session)
+        raise_if_session_failed(session)
+        keep_sample_of_numbers(session)
         for callback in session.callbacks:
             callback(session)
 
 
-def raise_failure(session: Session) -> None:
+def raise_if_session_failed(session: Session) -> None:
     """Raise SimulationStopped where a check has failed, BadInput where the session has no device any more."""
-    if not session.sim.is_current:
+    if not session.sim.device_fields_exist:
         raise BadInput("another run or session has begun in this program since; open this one again")
     if session.state.failure is not None:
         raise SimulationStopped(failure_message(session.state.failure, session.seed))
 
 
-def run_for(session: Session, seconds: float) -> None:
-    run_to(session, session.time + seconds)
+def run_for_seconds(session: Session, seconds: float) -> None:
+    run_until_time(session, session.time + seconds)
 
 
-def step(session: Session, steps: int = 1) -> None:
-    run_to(session, session.time + steps * session.time_step)
+def run_session_steps(session: Session, steps: int = 1) -> None:
+    run_until_time(session, session.time + steps * session.time_step)
 
 
 def run_until_rest(session: Session) -> bool:
@@ -182,13 +182,13 @@ def run_until_rest(session: Session) -> bool:
     ensemble = session.ensemble
     limit = session.time + session.scene.stages[session.state.stage].duration_max
     while session.time < limit - 0.5 * session.time_step:
-        run_to(session, min(ensemble.time + ensemble.check_interval, limit))
-        if is_at_rest(session):
+        run_until_time(session, min(ensemble.time + ensemble.check_interval, limit))
+        if is_session_at_rest(session):
             return True
     return False
 
 
-def is_at_rest(session: Session) -> bool:
+def is_session_at_rest(session: Session) -> bool:
     """Whether the stage's criterion of rest holds now."""
     stage, kinetic = session.scene.stages[session.state.stage], simulation.energies(session.sim)[0, 0]
     return at_rest(session.sim, 0, stage, (float(kinetic), float(session.ensemble.lifting_energies[0])))
@@ -198,21 +198,21 @@ def set_entry(session: Session, path: str, value: str) -> str:
     """Change one entry of the scene while it runs; returns what was done. Raises BadInput."""
     overrides = (*session.overrides, f"{path}={value}")
     scene = checks.read_scene(session.path, overrides, session.effect_files)
-    changed = changed_fields(session.scene, scene)
+    changed = names_of_changed_fields(session.scene, scene)
     if not changed:
         return f"{path} is {value} already"
     library = checks.library_of(scene)
     before, after = session.ensemble.scenes[0], simulation.effective_scene(scene, library)
-    fixed = [name for name in changed_fields(before, after) if name not in LIVE]
+    fixed = [name for name in names_of_changed_fields(before, after) if name not in LIVE]
     if before.wind is None or after.wind is None:
-        fixed += {"wind"} & {*changed, *changed_fields(before, after)}
+        fixed += {"wind"} & {*changed, *names_of_changed_fields(before, after)}
     else:
-        entries = set(changed_fields(before.wind, after.wind)) - LIVE_WIND
+        entries = set(names_of_changed_fields(before.wind, after.wind)) - LIVE_WIND
         fixed += [f"wind.{name}" for name in sorted(entries)]
     if fixed:
         raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
     if session.latest_change[0] != path or monotonic() - session.latest_change[1] > SAME_CHANGE:
-        keep_state(session, is_due=True)
+        keep_present_state(session, is_due=True)
     outcome = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
     session.history.append(f"set {path} {quote(value)}")
@@ -220,13 +220,13 @@ def set_entry(session: Session, path: str, value: str) -> str:
     return outcome
 
 
-def warnings_now(session: Session) -> list[str]:
+def warnings_of_present_scene(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
     scene = session.scene
     return [*checks.setup_report(scene)["warnings"], *checks.idle_warnings(scene, session.effect_files)]
 
 
-def changed_fields(before: Any, after: Any) -> list[str]:
+def names_of_changed_fields(before: Any, after: Any) -> list[str]:
     """Names of the fields in which two models differ."""
     return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
 
@@ -240,14 +240,14 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     x, y, z = unit_vector(effective.gravity.direction)
     g = effective.gravity.magnitude
     sim.setups[0] = replace(sim.setups[0], gravity=(g * x, g * y, g * z))
-    simulation.set_gravity(sim, 0, sim.setups[0].gravity)
+    simulation.set_replica_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and effective.wind is not None:
         simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
         simulation.set_through_flow(sim, 0, effective.wind.through_flow)
     state = {} if changed & {"effects", "conditions"} else None
     if state is not None:
         effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
-        state = None if simulation.set_effects(sim, 0, effects) else simulation.export_state(sim)
+        state = None if simulation.set_replica_effects(sim, 0, effects) else simulation.export_state(sim)
     if state is not None:
         sim = build(scene, session.seed, library, session.sim.setups[0].grains).sim
         simulation.import_state(sim, state)
@@ -257,9 +257,9 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     return "at once" if state is None else "after building the effect in"
 
 
-def insert(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
+def insert_grains(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
     """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
-    keep_state(session, is_due=True)
+    keep_present_state(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
     if count < 1 or setup.clumps is not None or (count > 1 and not any(setup.gravity)):
         raise BadInput("insert: one sphere or more, with gravity, without which they would not fall clear")
@@ -274,20 +274,20 @@ def insert(session: Session, count: int, at: Sequence[float] = (), inlet: str = 
     grains = append_grains_by_release(setup.grains, int(state["released"][0] + state["removed"][0]), new)
     place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
     sim = build(session.scene, session.seed, session.library, grains).sim
-    adopt(session, sim, state, f"insert {count}{place}")
+    replace_simulation(session, sim, state, f"insert {count}{place}")
 
 
-def remove(session: Session, *numbers: int) -> None:
+def remove_grains(session: Session, *numbers: int) -> None:
     """Take grains out by their numbers. Raises BadInput for one that is not there, and for clumps."""
     missing = set(numbers) - set(simulation.snapshot(session.sim, 0).ident.tolist())
     if missing or session.sim.world.has_clumps:
         raise BadInput(f"remove: no sphere of its own has the number {min(missing or numbers)}")
-    keep_state(session, is_due=True)
-    state = without_grains(simulation.export_state(session.sim), 0, numbers)
-    adopt(session, session.sim, state, f"remove {' '.join(map(str, numbers))}")
+    keep_present_state(session, is_due=True)
+    state = remove_grains_from_state(simulation.export_state(session.sim), 0, numbers)
+    replace_simulation(session, session.sim, state, f"remove {' '.join(map(str, numbers))}")
 
 
-def adopt(session: Session, sim: Simulation, state: dict[str, Any], line: str) -> None:
+def replace_simulation(session: Session, sim: Simulation, state: dict[str, Any], line: str) -> None:
     """Go on in a simulation with a state, to which a command has led that did work."""
     simulation.import_state(sim, state)
     session.ensemble = replace(session.ensemble, sim=sim, states=[replace(session.state, energy=None)])
@@ -301,37 +301,37 @@ def measure_now(session: Session) -> dict[str, Measurement]:
     window = transport_window(scene, state.stage, [state])
     if not state.frames:
         state = replace(state, frames=[simulation.snapshot(session.sim, 0)], tilts=[0.0])
-    inputs = measure_inputs(session.sim, scene, 0, state, window)
+    inputs = measure_inputs_of_replica(session.sim, scene, 0, state, window)
     measurements = {name: measure(name, inputs(name)) for name in scene.measure}
     return apply_instruments(measurements, scene, session.library)
 
 
-def keep(session: Session) -> Kept:
+def keep_session_and_grains(session: Session) -> Kept:
     """The session as it is, and its grains."""
-    return copy_lists(session), simulation.export_state(session.sim)
+    return copy_session_lists(session), simulation.export_state(session.sim)
 
 
-def copy_lists(session: Session) -> Session:
+def copy_session_lists(session: Session) -> Session:
     """The session with lists of its own."""
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
     return replace(session, ensemble=ensemble, samples=[*session.samples], history=[*session.history])
 
 
-def memory(states: Sequence[Kept]) -> int:
+def bytes_of_kept_states(states: Sequence[Kept]) -> int:
     """Bytes of the grains of kept states."""
     return sum(values.nbytes for _, grains in states for values in grains.values())
 
 
-def keep_state(session: Session, is_due: bool = False) -> None:
+def keep_present_state(session: Session, is_due: bool = False) -> None:
     """Keep the present state where one is due; those of later times, from before a return, go."""
     states, began = session.states, monotonic()
     here = session.time, changes(session)
     while states and (states[-1][0].time > here[0] or (states[-1][0].time, changes(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
-        states.append(keep(session))
-        if memory(states) > KEEP_BYTES:  # those before a change stay
+        states.append(keep_session_and_grains(session))
+        if bytes_of_kept_states(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
             states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or changes(a[0]) != changes(b[0])]
         session.keep_at = began + max(KEEP_EVERY, (monotonic() - began) / KEEP_SHARE)
@@ -342,31 +342,31 @@ def changes(session: Session) -> int:
     return sum(line.startswith(CHANGES) for line in session.history)
 
 
-def return_to(session: Session, time: float) -> None:
+def return_to_time(session: Session, time: float) -> None:
     """Return to the kept state nearest to a time [s]; later ones stay until the session runs on."""
     if session.state.failure is None and (not session.states or session.states[-1][0].time < session.time):
-        keep_state(session, is_due=True)
-    resume(session, min(session.states, key=lambda state: abs(state[0].time - time)))
+        keep_present_state(session, is_due=True)
+    resume_from_state(session, min(session.states, key=lambda state: abs(state[0].time - time)))
 
 
-def undo(session: Session) -> None:
+def undo_latest_change(session: Session) -> None:
     """Return to the state before the latest change, bit for bit. Raises BadInput where there is none."""
     earlier = [each for each in session.states if changes(each[0]) < changes(session)]
     if not earlier:
         raise BadInput("there is no change to undo")
-    resume(session, earlier[-1])
+    resume_from_state(session, earlier[-1])
 
 
-def save(session: Session, name: str) -> None:
-    session.saved[name] = keep(session)
+def save_state_as(session: Session, name: str) -> None:
+    session.saved[name] = keep_session_and_grains(session)
 
 
-def restore(session: Session, name: str) -> None:
+def restore_saved_state(session: Session, name: str) -> None:
     """Return to a saved state, parameters, samples and history included. Raises BadInput for no such name."""
-    resume(session, saved_state(session, name))
+    resume_from_state(session, saved_state(session, name))
 
 
-def resume(session: Session, state: Kept) -> None:
+def resume_from_state(session: Session, state: Kept) -> None:
     """Return to a state, bit for bit."""
     then, grains = state
     if session.sim is then.sim:
@@ -375,7 +375,7 @@ def resume(session: Session, state: Kept) -> None:
     else:  # an effect has been built in, or grains inserted, since
         sim = build(then.scene, session.seed, then.library, then.sim.setups[0].grains).sim
     simulation.import_state(sim, grains)
-    session.ensemble = replace(copy_lists(then).ensemble, sim=sim)
+    session.ensemble = replace(copy_session_lists(then).ensemble, sim=sim)
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
     session.time = then.time
     session.samples[:], session.history[:] = then.samples, then.history
@@ -392,7 +392,7 @@ def saved_state(session: Session, name: str) -> Kept:
 
 def session_status(session: Session) -> dict[str, float | int | str]:
     """Time, stage and totals over the grains."""
-    sums = simulation.totals(session.sim, 0)
+    sums = simulation.energy_totals(session.sim, 0)
     return {
         "time_s": round(session.time, 9),
         "stage": session.scene.stages[session.state.stage].name,
@@ -405,16 +405,16 @@ def session_status(session: Session) -> dict[str, float | int | str]:
     }
 
 
-def walls_now(session: Session) -> tuple[WallMesh, ...]:
+def present_wall_meshes(session: Session) -> tuple[WallMesh, ...]:
     """The walls that stand, where they are."""
     return recorders.present_walls(recorders.meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
 
 
-def write_picture(session: Session, path: Path) -> Path:
+def write_side_picture(session: Session, path: Path) -> Path:
     """Write the grains seen from the side as PNG. Raises BadInput where a foreign file has the name."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
     speeds = recorders.resting_speed(setup), stream.FASTEST_COLOUR
-    picture = film_frame(now, recorders.side_view(setup), walls_now(session), speeds)
+    picture = film_frame(now, recorders.side_view(setup), present_wall_meshes(session), speeds)
     return write_file(session, path, png_bytes(picture))
 
 
@@ -424,7 +424,7 @@ def write_file(session: Session, path: Path, picture: bytes) -> Path:
     return write_atomic(path, marked_png(path, session.path, picture))
 
 
-def write_script(session: Session, path: Path) -> Path:
+def write_session_commands(session: Session, path: Path) -> Path:
     """Write the commands that lead to the present state; a file of the user stays. Raises BadInput."""
     sets = sum(line.startswith("set ") for line in session.history)
     begun_with = session.overrides[: len(session.overrides) - sets]
@@ -438,7 +438,7 @@ def write_script(session: Session, path: Path) -> Path:
 
 def record_session(session: Session, path: Path) -> recorders.Recorder:
     """Begin a recording of the session. Raises BadInput."""
-    text = scene_text(session.path, session.overrides)
+    text = scene_text_with_overrides(session.path, session.overrides)
     title = f"{session.scene.scene.title or session.path.stem}, live"
     recorder = recorders.open_recorder(path, title, text, session.sim, session.scene, 0)
     session.callbacks.append(lambda now: log_session_frame(recorder, now))
@@ -456,23 +456,23 @@ def log_session_frame(recorder: recorders.Recorder, session: Session) -> None:
     now = whole_intervals(session.time, recorder.interval) + 1
     recorder.is_rewritten |= now < recorder.frames
     if now != recorder.frames:
-        recorders.log_frame(recorder, session.sim, session.scene)
+        recorders.log_present_frame(recorder, session.sim, session.scene)
         recorder.frames = now
 
 
-def status_numbers(session: Session) -> dict[str, float]:
+def status_values_in_units(session: Session) -> dict[str, float]:
     """Numbers of the status by name, in the units that the names end in."""
     return {name: float(x) for name, x in session_status(session).items() if not isinstance(x, str)}
 
 
 def refuse_unknown_number(session: Session, name: str) -> None:
     """Raise BadInput for a name that is no number of the status and no measure."""
-    names = [*status_numbers(session), *session.scene.measure]
+    names = [*status_values_in_units(session), *session.scene.measure]
     if name not in names:
         raise BadInput(f"no number '{name}'{did_you_mean(name, names)}; there are {', '.join(names)}")
 
 
-def watch(session: Session, *names: str) -> None:
+def watch_measures(session: Session, *names: str) -> None:
     """Keep measures too at every check, beside the status. Raises BadInput for an unknown name."""
     for name in names:
         refuse_unknown_number(session, name)
@@ -480,9 +480,9 @@ def watch(session: Session, *names: str) -> None:
     session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
-def keep_sample(session: Session) -> None:
+def keep_sample_of_numbers(session: Session) -> None:
     """Keep the numbers of this moment; those of a later time, from before a return, go."""
-    now = status_numbers(session)
+    now = status_values_in_units(session)
     if not set(session.watched) <= set(now):
         now |= {name: entry.value for name, entry in measure_now(session).items() if name in session.watched}
     while session.samples and session.samples[-1]["time_s"] >= now["time_s"]:

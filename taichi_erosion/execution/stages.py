@@ -104,7 +104,7 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
     upright = np.asarray(sim.setups[replica].gravity)
     x, y, z = scipy.spatial.transform.Rotation.from_rotvec(-tilt * axis).apply(upright)
-    simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
+    simulation.set_replica_gravity(sim, replica, (float(x), float(y), float(z)))
     state.energy = None
 
 
@@ -116,23 +116,23 @@ def friction_velocity_in(scene: Scene, stage: int) -> float:
     return scene.wind.partition * next(values)
 
 
-def settle_air(sim: Simulation, stage: Stage, replica: int) -> None:
+def set_steady_air_profile(sim: Simulation, stage: Stage, replica: int) -> None:
     """Steady profile of the air over the grains as they fly now, in a stage whose air has no inertia."""
     if stage.steady_air:
         simulation.spin_up_wind(sim, replica, simulation.friction_velocity(sim, replica))
 
 
-def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+def store_frame_if_due(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
     """Store a snapshot, once per interval, for the measures that use the whole stage."""
     stage = scene.stages[state.stage]
-    intervals = [scene.measure[name].every for name in measured_in(scene, state.stage)]
+    intervals = [scene.measure[name].every for name in observables_of_stage(scene, state.stage)]
     shortest = min((interval for interval in intervals if interval), default=None)
     if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
         state.frames.append(replace(simulation.snapshot(sim, replica), force=None))  # no measure reads it
         state.tilts.append(radians(stage.tilt_rate) * (time - state.began))
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))
-        if set(OF_WALLS) & set(measured_in(scene, state.stage)):
+        if set(OF_WALLS) & set(observables_of_stage(scene, state.stage)):
             loads, poses = (
                 forces_and_torques_on_walls(simulation.contact_network(sim, replica)),
                 simulation.wall_poses(sim, replica),
@@ -140,7 +140,7 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
             state.loads.append(np.hstack([loads, [pose.translation for pose in poses.values()]]))
 
 
-def measured_in(scene: Scene, stage: int) -> list[str]:
+def observables_of_stage(scene: Scene, stage: int) -> list[str]:
     """Observables that are measured at the end of a stage: of their own, or of the last one."""
     names = [stage.name for stage in scene.stages]
     stage_of = {name: request.stage or names[-1] for name, request in scene.measure.items()}
@@ -169,13 +169,13 @@ def at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float, fl
     """Criterion of rest: no grain waits, most are in contact, `energy` (as in `stage_is_over`) is small."""
     kinetic, lifting = energy
     return (
-        simulation.waiting_spheres(sim, replica) == 0
+        simulation.count_waiting_spheres(sim, replica) == 0
         and kinetic <= stage.rest_energy * lifting
-        and simulation.share_touching(sim, replica) >= stage.rest_contact_share
+        and simulation.share_of_grains_in_contact(sim, replica) >= stage.rest_contact_share
     )
 
 
-def lifting_energy(setup: Setup) -> float:
+def energy_to_lift_grains(setup: Setup) -> float:
     """Energy that lifts every grain by the mean diameter, sum of m g d [J]."""
     masses = setup.grains.mass if setup.clumps is None else setup.clumps.mass
     return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
@@ -186,19 +186,19 @@ def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[i
 
     Means of transport are taken over one window for all of them, in which their air is steady.
     """
-    names = measured_in(scene, stage)
+    names = observables_of_stage(scene, stage)
     window = transport_window(scene, stage, list(replicas.values())) if names else None
     for replica, state in replicas.items() if names else ():
-        inputs = measure_inputs(sim, scene, replica, state, window)
+        inputs = measure_inputs_of_replica(sim, scene, replica, state, window)
         for name in names:
             state.measurements[name] = measurement = measure(name, data := inputs(name))
             if isnan(measurement.value):
                 state.warn(f"{name} has no value: {'; '.join(measurement.notes)}")
-            elif data.fallen_words in measurement.notes:
-                state.warn(data.fallen_words)
+            elif data.fallen_grains_text in measurement.notes:
+                state.warn(data.fallen_grains_text)
 
 
-def measure_inputs(
+def measure_inputs_of_replica(
     sim: Simulation, scene: Scene, replica: int, state: ReplicaState, window: Window | None
 ) -> Callable[[str], MeasureInput]:
     """Input of each measure of one replica, by name: its present state and the frames of its stage."""

@@ -57,7 +57,7 @@ class Trial:
     flux: list[float] = field(default_factory=list)  # kg m-1 s-1, at every check
 
     @property
-    def late_flux(self) -> float:
+    def mean_flux_of_second_half(self) -> float:
         """Mean flux over the second half [kg m-1 s-1]."""
         return float(np.mean(self.flux[len(self.flux) // 2 :]))
 
@@ -96,7 +96,7 @@ def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> Th
     """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
     first = transport or scene.threshold.first or FIRST_WIND * weight_velocity(scene)
-    search = ThresholdSearch(scene, export_bed(sim, replica), new_trial(sim, replica, first, time))
+    search = ThresholdSearch(scene, export_bed(sim, replica), begin_trial(sim, replica, first, time))
     search.phase = "start" if transport else "ramp"
     spin_up_wind(sim, replica, first)
     return search
@@ -109,7 +109,7 @@ def weight_velocity(scene: Scene) -> float:
     return sqrt((density / scene.wind.density - 1.0) * scene.gravity.magnitude * diameter)
 
 
-def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: float) -> Trial:
+def begin_trial(sim: Simulation, replica: int, friction_velocity: float, time: float) -> Trial:
     """Trial that begins with the grains as they are."""
     start = snapshot(sim, replica).position
     nothing = np.zeros(len(start), dtype=bool)
@@ -118,15 +118,15 @@ def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: flo
 
 def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> bool:
     """Record the motion since the last check; where a trial ends begin the next one. True after the last."""
-    record_motion(search, snapshot(sim, replica))
+    record_grain_motion(search, snapshot(sim, replica))
     if search.scene.threshold.steady_air and search.phase in TRANSPORT:
         spin_up_wind(sim, replica, search.trial.friction_velocity)
     # neither an effect nor an eddy changes the wind over grains at rest
     steady = not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
-    outcome = trial_outcome(search, time, steady)
+    outcome = does_bed_move(search, time, steady)
     if outcome is None:
         if search.phase in ("ramp", "hold") and not search.scene.threshold.landings:
-            carry_off(sim, replica, search)
+            lift_grains_that_left_bed(sim, replica, search)
         return False
     old = search.trial
     wind = NEXT_WIND[search.phase](search, outcome)
@@ -136,13 +136,13 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     if from_rest:
         import_bed(sim, replica, search.bed)
     spin_up_wind(sim, replica, wind, anew=from_rest)
-    search.trial = new_trial(sim, replica, wind, time)
+    search.trial = begin_trial(sim, replica, wind, time)
     if search.phase == "ramp":
         search.trial.start, search.trial.rolling, search.trial.risen = old.start, old.rolling, old.risen
     return False
 
 
-def carry_off(sim: Simulation, replica: int, search: ThresholdSearch) -> None:
+def lift_grains_that_left_bed(sim: Simulation, replica: int, search: ThresholdSearch) -> None:
     """Lift grains that have left the bed high into the air, at its speed, before they land on others."""
     assert search.scene.wind is not None
     (risen,) = np.nonzero(search.trial.risen)
@@ -158,7 +158,7 @@ def carry_off(sim: Simulation, replica: int, search: ThresholdSearch) -> None:
     import_bed(sim, replica, bed)
 
 
-def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
+def record_grain_motion(search: ThresholdSearch, state: Snapshot) -> None:
     """Update which grains have rolled or risen, the largest motion and the flux."""
     trial = search.trial
     far = search.scene.threshold.distance * search.diameter
@@ -178,7 +178,7 @@ def periodic_displacement(after: Floats, before: Floats, period: Floats) -> Floa
     return shift
 
 
-def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | None:
+def does_bed_move(search: ThresholdSearch, time: float, steady: bool) -> bool | None:
     """Whether the bed moves in this wind; None while that is open."""
     settings, trial = search.scene.threshold, search.trial
     elapsed = (time - trial.began) / getattr(settings, DURATION[search.phase])
@@ -189,11 +189,11 @@ def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | 
             return True
         return False if over or quiet else None
     if search.phase == "fall" and (over or quiet):
-        return over and trial.late_flux > settings.ceased * search.flux_at_start
+        return over and trial.mean_flux_of_second_half > settings.ceased * search.flux_at_start
     return True if over else None
 
 
-def after_ramp(search: ThresholdSearch, in_motion: bool) -> float:
+def next_wind_of_ramp(search: ThresholdSearch, in_motion: bool) -> float:
     """A stronger wind; once grains roll the same one from rest, once they leave the bed a weaker one.
 
     Beds are moved from rest by about the wind in which their grains begin to roll: a ramp that goes on until
@@ -208,7 +208,7 @@ def after_ramp(search: ThresholdSearch, in_motion: bool) -> float:
     return now / factor if in_motion else now
 
 
-def after_hold(search: ThresholdSearch, in_motion: bool) -> float | None:
+def next_wind_from_rest(search: ThresholdSearch, in_motion: bool) -> float | None:
     """Next wind from rest: between the weakest that moved the bed and the strongest that did not."""
     settings, now = search.scene.threshold, search.trial.friction_velocity
     if in_motion:
@@ -229,9 +229,9 @@ def after_hold(search: ThresholdSearch, in_motion: bool) -> float | None:
     return settings.excess * bracket.middle
 
 
-def after_start(search: ThresholdSearch, in_motion: bool) -> float | None:
+def first_wind_of_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
     """First wind of the fall; the flux of developed transport is stored."""
-    search.flux_at_start = search.trial.late_flux
+    search.flux_at_start = search.trial.mean_flux_of_second_half
     search.fluxes.append((search.trial.friction_velocity, search.flux_at_start))
     if search.flux_at_start <= 0.0:
         return None
@@ -239,10 +239,10 @@ def after_start(search: ThresholdSearch, in_motion: bool) -> float | None:
     return search.trial.friction_velocity * (1.0 - search.scene.threshold.fall)
 
 
-def after_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
+def next_wind_of_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
     """A weaker wind while transport goes on; at its end the impact threshold."""
     now, factor = search.trial.friction_velocity, 1.0 - search.scene.threshold.fall
-    search.fluxes.append((now, search.trial.late_flux))
+    search.fluxes.append((now, search.trial.mean_flux_of_second_half))
     if in_motion:
         return now * factor
     search.brackets["impact_threshold"] = Bracket(now, now / factor)
@@ -252,8 +252,8 @@ def after_fall(search: ThresholdSearch, in_motion: bool) -> float | None:
 
 
 NEXT_WIND: dict[str, Callable[[ThresholdSearch, bool], float | None]] = {
-    "ramp": after_ramp,
-    "hold": after_hold,
-    "start": after_start,
-    "fall": after_fall,
+    "ramp": next_wind_of_ramp,
+    "hold": next_wind_from_rest,
+    "start": first_wind_of_fall,
+    "fall": next_wind_of_fall,
 }

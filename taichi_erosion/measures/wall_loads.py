@@ -110,7 +110,7 @@ def residual_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measuremen
     return replace(mean, value=degrees(atan(mean.value)), sd=error)
 
 
-def value_at_peak_ratio(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
+def at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
     """Stress across or along the normal [Pa], or displacement across it [m], where the ratio is largest."""
     unit = "m" if name == "peak_displacement" else "Pa"
     if isinstance(peak := shear_strength(loads, axis), str):

@@ -7,16 +7,16 @@ from taichi_erosion.simulation.control import (
     move_surface,
     remove_surface,
     set_contacts,
-    set_effects,
-    set_gravity,
+    set_replica_effects,
+    set_replica_gravity,
 )
 from taichi_erosion.simulation.readback import (
+    count_waiting_spheres,
     energies,
+    energy_totals,
     removed_spheres,
-    share_touching,
+    share_of_grains_in_contact,
     snapshot,
-    totals,
-    waiting_spheres,
     wall_poses,
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state

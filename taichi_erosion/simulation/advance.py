@@ -8,14 +8,14 @@ import numpy as np
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.core.transfer import download, download_field, upload, write_field
-from taichi_erosion.simulation.assemble import Simulation, reallocate
-from taichi_erosion.simulation.capacities import with_doubled_lists
+from taichi_erosion.simulation.assemble import Simulation, reallocate_fields
+from taichi_erosion.simulation.capacities import double_list_capacities
 from taichi_erosion.simulation.grain_decomposition.step import run_steps
 from taichi_erosion.simulation.saved_state import export_state, import_state
-from taichi_erosion.simulation.schedule import assign_steps, upload_schedule
-from taichi_erosion.simulation.step import run_replicas, run_teams
+from taichi_erosion.simulation.schedule import assign_steps_to_workers, upload_schedule
+from taichi_erosion.simulation.step import run_replicas_in_teams, run_scheduled_replicas
 from taichi_erosion.simulation.team import adapt_size, note_launch, spins_most, team_size
-from taichi_erosion.simulation.wind_driver import exchange_when_due
+from taichi_erosion.simulation.wind_driver import exchange_air_if_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
 TEAM_SECONDS = 0.1  # of workers that share a replica: their number follows what the cores have left
@@ -23,7 +23,7 @@ FIRST_LAUNCH = 500  # steps before the pace is known
 ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one more
 
 
-def clocks(sim: Simulation) -> tuple[Integers, Integers, Integers]:
+def steps_and_status_of_replicas(sim: Simulation) -> tuple[Integers, Integers, Integers]:
     """Steps done, status, and steps left of the last launch, by replica."""
     replicas = sim.world.replicas
     fields = [replicas.step, replicas.status, replicas.steps_left]
@@ -31,7 +31,7 @@ def clocks(sim: Simulation) -> tuple[Integers, Integers, Integers]:
     return step, status, remaining
 
 
-def steps_until(sim: Simulation, until: Sequence[float], steps_done: Integers) -> Integers:
+def steps_to_reach_times(sim: Simulation, until: Sequence[float], steps_done: Integers) -> Integers:
     """Whole steps that bring every replica to its time after those `taken`; 0 for those already there."""
     dt = np.array([setup.time_step for setup in sim.setups])
     total = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
@@ -44,30 +44,30 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
     A list that is too short is grown and the step repeated. Launches are short, so that signals reach the
     host; their length changes no result.
     """
-    steps_done, status, _ = clocks(sim)
-    remaining = steps_until(sim, until, steps_done)
+    steps_done, status, _ = steps_and_status_of_replicas(sim)
+    remaining = steps_to_reach_times(sim, until, steps_done)
     while True:
         remaining = np.where(status == Status.RUNNING, remaining, 0)
         if not remaining.any():
             return
-        portion = np.minimum(remaining, launch_steps(sim))
+        portion = np.minimum(remaining, steps_of_one_launch(sim))
         if sim.coupling.host_driven:
-            portion = np.minimum(portion, exchange_when_due(sim, remaining > 0))
-        status, undone = launch(sim, portion)
+            portion = np.minimum(portion, exchange_air_if_due(sim, remaining > 0))
+        status, undone = run_one_launch(sim, portion)
         remaining = remaining - (portion - undone)
         if (status == Status.OVERFLOW).any():
-            grow_lists(sim)
+            double_list_capacity(sim)
             status = statuses(sim)
 
 
-def launch_steps(sim: Simulation) -> int:
+def steps_of_one_launch(sim: Simulation) -> int:
     """Steps that fill one launch at the pace seen so far."""
     is_team = team_size(sim.team, largest_team(sim)) > 1
     seconds = TEAM_SECONDS if is_team else LAUNCH_SECONDS
     return max(int(sim.pace * seconds), 1) if sim.pace > 0.0 else FIRST_LAUNCH
 
 
-def launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
+def run_one_launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
     """Run once; returns the status of each replica, and the steps that it did not do."""
     replicas, count = sim.world.replicas, len(steps)
     upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
@@ -77,11 +77,11 @@ def launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
         run_steps(sim.world, sim.coupling, sim.buffers, int(steps.max()))
     else:
         run_partitions(sim, steps, size)
-    _, status, undone = clocks(sim)
+    _, status, undone = steps_and_status_of_replicas(sim)
     wall, processor_time = time.perf_counter() - start, time.process_time() - processor_time
     if sim.has_launched:
         sim.pace = float((steps - undone).max()) / wall
-        note_team(sim, size, wall, processor_time)
+        judge_team_size(sim, size, wall, processor_time)
     sim.has_launched = True
     return status, undone
 
@@ -93,11 +93,11 @@ def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:
         write_field(signal, 0)
     if largest_team(sim) > 1:
         # teams of one too: another kernel would have to be loaded first, a second of a core
-        run_teams(count, size, sim.chunk, sim.world, sim.coupling)
+        run_replicas_in_teams(count, size, sim.chunk, sim.world, sim.coupling)
     else:
         workers = min(sim.workers, count)
-        upload_schedule(sim.schedule, assign_steps(steps, workers))
-        run_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
+        upload_schedule(sim.schedule, assign_steps_to_workers(steps, workers))
+        run_scheduled_replicas(workers, sim.chunk, sim.schedule, sim.world, sim.coupling)
 
 
 def largest_team(sim: Simulation) -> int:
@@ -105,7 +105,7 @@ def largest_team(sim: Simulation) -> int:
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
 
 
-def note_team(sim: Simulation, size: int, wall: float, processor_time: float) -> None:
+def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: float) -> None:
     """Judge the size of the teams after a launch and its times [s]."""
     most, count = largest_team(sim), len(sim.setups)
     if most > 1 and sim.team.adapts:
@@ -119,11 +119,11 @@ def statuses(sim: Simulation) -> Integers:
     return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
 
 
-def grow_lists(sim: Simulation) -> None:
+def double_list_capacity(sim: Simulation) -> None:
     """Double the capacity of the lists and carry the state over."""
     state = export_state(sim)
     state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
-    reallocate(sim, with_doubled_lists(sim.capacities))
+    reallocate_fields(sim, double_list_capacities(sim.capacities))
     import_state(sim, state)
 
 

@@ -34,19 +34,19 @@ from taichi_erosion.grains.wall_contacts import allocate_wall_list
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.simulation.capacities import (
     Capacities,
-    has_grids,
-    has_servos,
+    any_grid,
+    any_servo,
     initial_capacities,
-    padded_with_copies,
-    partition_count,
-    refuse_by_grain,
-    refuse_too_large,
+    pad_setups_with_copies,
+    partitions_of_replica,
+    refuse_thread_per_grain,
+    refuse_too_many_entries,
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
-from taichi_erosion.simulation.grain_decomposition.exchange import CHUNK, chunk_count
-from taichi_erosion.simulation.grain_decomposition.rebuild import release_at_start
+from taichi_erosion.simulation.grain_decomposition.exchange import CHUNK, chunks_for_grains
+from taichi_erosion.simulation.grain_decomposition.rebuild import release_grains_at_start
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
-from taichi_erosion.simulation.step import release_first
+from taichi_erosion.simulation.step import release_grains_before_start
 from taichi_erosion.simulation.team import Team
 from taichi_erosion.simulation.upload import upload_world
 
@@ -74,7 +74,7 @@ class Simulation:
     device: object = field(default_factory=impl.get_runtime)
 
     @property
-    def is_current(self) -> bool:
+    def device_fields_exist(self) -> bool:
         """Whether its fields exist: the device has not been started again since."""
         return impl.get_runtime() is self.device
 
@@ -125,9 +125,9 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
 
 def upload_setups(world: World, setups: list[Setup]) -> None:
     """Write the Setups to the fields, one a replica. Raises BadInput where a period is too narrow."""
-    reaches = np.array([gap_reach(s, world.laws) for s in setups])
+    reaches = np.array([contact_gap_reach_of_setup(s, world.laws) for s in setups])
     most = world.replicas.need.shape[1]
-    upload_world(world, setups, reaches, [min(partition_count(s), most) for s in setups])
+    upload_world(world, setups, reaches, [min(partitions_of_replica(s), most) for s in setups])
     number = download_field(world.cells.number)
     for r, setup in enumerate(setups):
         for axis in range(3):
@@ -139,7 +139,7 @@ def upload_setups(world: World, setups: list[Setup]) -> None:
                 )
 
 
-def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
+def contact_gap_reach_of_setup(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
     """Longest gap across which contacts may act, and how much less it is where grains have not touched [m].
 
     Walls double the effective radius.
@@ -157,7 +157,7 @@ def has_external_forces(setups: list[Setup]) -> bool:
     return by_effects or any(setup.air is not None for setup in setups)
 
 
-def check_mixture(setups: list[Setup]) -> None:
+def refuse_mixed_setups(setups: list[Setup]) -> None:
     """Raise BadInput where replicas differ in what is compiled in, or combine what excludes each other."""
     if len({s.clumps is None for s in setups}) > 1:
         raise BadInput("an ensemble mixes clumps and single spheres; run them apart")
@@ -173,53 +173,53 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
     setup_list = list(setups)
-    check_mixture(setup_list)
+    refuse_mixed_setups(setup_list)
     capacities = initial_capacities(setup_list, numerics.by_grain)
     if numerics.by_grain:
-        refuse_by_grain(has_grids(setup_list), has_servos(setup_list))
-        refuse_too_large(capacities)
+        refuse_thread_per_grain(any_grid(setup_list), any_servo(setup_list))
+        refuse_too_many_entries(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
     workers = threads if on_cpu else len(setup_list)
     chunk = CPU_CHUNK if on_cpu else 1
-    fields = allocate_fields(setup_list, laws, numerics, workers, capacities)
+    fields = allocate_all_fields(setup_list, laws, numerics, workers, capacities)
     sim = Simulation(setup_list, laws, numerics, workers, chunk, capacities, *fields)
-    release_start(sim)
+    release_initial_grains(sim)
     return sim
 
 
-def release_start(sim: Simulation) -> None:
+def release_initial_grains(sim: Simulation) -> None:
     """Release the grains that are there from the start, those of beds with their contacts."""
-    (release_at_start if sim.numerics.by_grain else release_first)(sim.world)
+    (release_grains_at_start if sim.numerics.by_grain else release_grains_before_start)(sim.world)
     if any(setup.bed is not None for setup in sim.setups):
-        from taichi_erosion.simulation.saved_state import start_from_beds  # stands on this module
+        from taichi_erosion.simulation.saved_state import restore_springs_of_beds  # stands on this module
 
-        start_from_beds(sim)
+        restore_springs_of_beds(sim)
 
 
-def allocate_fields(
+def allocate_all_fields(
     setups: list[Setup], laws: Laws, numerics: Numerics, workers: int, capacities: Capacities
 ) -> tuple[World, CouplingState, Schedule, GrainBuffers | None]:
     """All fields of a run."""
-    everyone = padded_with_copies(setups, capacities)
+    everyone = pad_setups_with_copies(setups, capacities)
     schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
     world = build_world(everyone, laws, capacities, numerics.by_grain)
     if not numerics.by_grain:
         return world, allocate_coupling(everyone, laws, capacities.partitions), schedule, None
-    coupling = allocate_coupling(everyone, laws, chunk_count(capacities.grains), CHUNK)
+    coupling = allocate_coupling(everyone, laws, chunks_for_grains(capacities.grains), CHUNK)
     return world, coupling, schedule, allocate_buffers(capacities, workers)
 
 
-def reallocate(sim: Simulation, capacities: Capacities) -> None:
+def reallocate_fields(sim: Simulation, capacities: Capacities) -> None:
     """Give the run other capacities; the caller carries its state over.
 
     The device is restarted: the old fields are gone, and the kernels are those of a new run.
     """
     if sim.numerics.by_grain:
-        refuse_too_large(capacities)
+        refuse_too_many_entries(capacities)
     start_device(sim.numerics, POOL_LEAST)
     sim.capacities = replace(capacities)
-    fields = allocate_fields(sim.setups, sim.laws, sim.numerics, sim.workers, sim.capacities)
+    fields = allocate_all_fields(sim.setups, sim.laws, sim.numerics, sim.workers, sim.capacities)
     sim.world, sim.coupling, sim.schedule, sim.buffers = fields
 
 
@@ -231,19 +231,19 @@ def reuse_or_assemble(
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
     setup_list = list(setups)
-    check_mixture(setup_list)
+    refuse_mixed_setups(setup_list)
     if before is None or not is_reusable(before, setup_list, laws, numerics):
         return assemble(setup_list, laws, numerics)
     for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):
         for table in device_fields(record):
             write_field(table, 0)
     before.setups = setup_list
-    everyone = padded_with_copies(setup_list, before.capacities)
-    for effects in bound_effects(before.world).values():
+    everyone = pad_setups_with_copies(setup_list, before.capacities)
+    for effects in device_effects_by_place(before.world).values():
         write_constants(effects, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
-    release_start(before)
+    release_initial_grains(before)
     return before
 
 
@@ -259,11 +259,11 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
         and without_air
         and all(getattr(before.capacities, f.name) >= getattr(demand, f.name) for f in fields(Capacities))
         and before.capacities.materials == demand.materials  # tables of contacts have the same size
-        and has_same_effects(before, setups)
+        and compiles_same_effects(before, setups)
     )
 
 
-def bound_effects(world: World) -> dict[str, DeviceEffects]:
+def device_effects_by_place(world: World) -> dict[str, DeviceEffects]:
     """Effects on the device by place."""
     return {
         "pair": world.pair_effects,
@@ -272,10 +272,10 @@ def bound_effects(world: World) -> dict[str, DeviceEffects]:
     }
 
 
-def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:
+def compiles_same_effects(before: Simulation, setups: list[Setup]) -> bool:
     """Whether all effects are compiled in, and no others that would change a replica without them."""
     present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
-    bounds = bound_effects(before.world)
+    bounds = device_effects_by_place(before.world)
     compiled = {(place, name) for place, effects in bounds.items() for name in effects.names}
     same = all(effect.act in bounds[place].functions for (place, _), effect in present.items())
     return same and not any(place in EXCLUSIVE for place, _ in compiled - present.keys())

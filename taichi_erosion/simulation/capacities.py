@@ -55,14 +55,14 @@ class Capacities:
     servos: int = 0  # partitions whose forces on walls are summed for servos; 0: none
 
 
-def partition_count(setup: Setup) -> int:
+def partitions_of_replica(setup: Setup) -> int:
     """Partitions of one replica."""
     count = len(setup.grains.radius)
     partitions = max(count // PARTITION_GRAINS, min(count // PAIR_GRAINS, 2), 1)
     return min(partitions, PARTITIONS_MOST)
 
 
-def cell_count(grains: int) -> int:
+def cells_for_grains(grains: int) -> int:
     """Cells of a replica of so many grains."""
     return max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST)
 
@@ -86,26 +86,26 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Capacities(
         replicas=replicas,
-        partitions=1 if by_grain else max(partition_count(s) for s in setups),
+        partitions=1 if by_grain else max(partitions_of_replica(s) for s in setups),
         grains=grains,
         pairs=grains * ENTRIES_MOST if by_grain else max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),
-        cells=cell_count(grains),
+        cells=cells_for_grains(grains),
         primitives=primitives,
         surfaces=surfaces,
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
         motion_rows=max(sum(map(len, s.tables)) for s in setups),
-        servos=max(partition_count(s) for s in setups) if has_servos(setups) else 0,
+        servos=max(partitions_of_replica(s) for s in setups) if any_servo(setups) else 0,
     )
 
 
-def padded_with_copies(setups: list[Setup], capacities: Capacities) -> list[Setup]:
+def pad_setups_with_copies(setups: list[Setup], capacities: Capacities) -> list[Setup]:
     """Setups, padded with copies of the first, which never run, up to the number of replicas."""
     return setups + setups[:1] * (capacities.replicas - len(setups))
 
 
-def with_doubled_lists(capacities: Capacities) -> Capacities:
+def double_list_capacities(capacities: Capacities) -> Capacities:
     return replace(capacities, pairs=2 * capacities.pairs, wall_pairs=2 * capacities.wall_pairs)
 
 
@@ -135,17 +135,17 @@ def verlet_skin(setup: Setup, by_grain: bool = False) -> VerletSkin:
     return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
 
 
-def has_grids(setups: Sequence[Setup]) -> bool:
+def any_grid(setups: Sequence[Setup]) -> bool:
     """Whether any replica has air in more than one column of cells."""
     return any(setup.air is not None and setup.air.cells[:2] != (1, 1) for setup in setups)
 
 
-def has_servos(setups: Sequence[Setup]) -> bool:
+def any_servo(setups: Sequence[Setup]) -> bool:
     """Whether a wall of any replica may have a servo."""
     return any(setup.has_servos for setup in setups)
 
 
-def refuse_by_grain(grids: bool, servos: bool = False) -> None:
+def refuse_thread_per_grain(grids: bool, servos: bool = False) -> None:
     """Raise BadInput for what has kernels for partitions only: grids of air, and walls that servos move."""
     if grids:
         raise BadInput(f"{GRIDS}; {REMEDY}")
@@ -153,7 +153,7 @@ def refuse_by_grain(grids: bool, servos: bool = False) -> None:
         raise BadInput(f"one thread per grain has no walls under a constant force or torque; {REMEDY}")
 
 
-def refuse_too_large(capacities: Capacities) -> None:
+def refuse_too_many_entries(capacities: Capacities) -> None:
     """Raise BadInput where the list entries of all replicas are more than 32 bits count."""
     places = 2 * capacities.replicas * max(capacities.pairs, capacities.cells)
     if places > PLACES_MOST:

@@ -27,13 +27,13 @@ from taichi_erosion.grains.wall_contacts import (
     wall_effect_force,
 )
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.readback import positions, replica_row
+from taichi_erosion.simulation.readback import counters_of_replica, grain_positions
 
 COLUMNS = 8  # of a row: partner, normal, distance, force
 
 
 @ti.func
-def restore_entry(entries_out: ti.template(), e, label, tangential, rolling):
+def restore_contact_history(entries_out: ti.template(), e, label, tangential, rolling):
     """Give entry e the history that it had."""
     entries_out.label[e] = label
     entries_out.tangential_displacement[e] = tangential
@@ -41,7 +41,7 @@ def restore_entry(entries_out: ti.template(), e, label, tangential, rolling):
 
 
 @ti.func
-def pair_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
+def force_of_pair_entry(world_out: ti.template(), batch_out: ti.template(), r, base, e):
     """Force of entry e of the neighbour list on its owner [N], zero where nothing acts."""
     (pairs,) = ti.static((world_out.pairs,))
     label = pairs.label[e]
@@ -56,12 +56,12 @@ def pair_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
         if ti.static(world_out.pair_effects.any):
             if effects_act(world_out.materials, pairs, e):
                 force += pair_effect_force(world_out, batch_out, 0, r, base)
-    restore_entry(pairs, e, label, tangential, rolling)
+    restore_contact_history(pairs, e, label, tangential, rolling)
     return force
 
 
 @ti.func
-def wall_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
+def force_of_wall_entry(world_out: ti.template(), batch_out: ti.template(), r, base, e):
     """Force of entry e of the wall list on its grain [N], zero where nothing acts."""
     (entries,) = ti.static((world_out.wall_pairs,))
     label, tangential = entries.label[e], entries.tangential_displacement[e]
@@ -75,12 +75,12 @@ def wall_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
         if ti.static(world_out.pair_effects.any):
             if effects_act(world_out.materials, entries, e):
                 force += wall_effect_force(world_out, r, batch_out, 0, base + batch_out.owner[0])
-    restore_entry(entries, e, label, tangential, rolling)
+    restore_contact_history(entries, e, label, tangential, rolling)
     return force
 
 
 @ti.func
-def write_row(rows_out: ti.template(), place, partner, normal, distance, force):
+def write_contact_row(rows_out: ti.template(), place, partner, normal, distance, force):
     """Write one contact where there is room; returns 1 for a force that is not zero, else 0."""
     acts = ti.cast(force.norm_sqr() > 0.0, ti.i32)
     if acts == 1 and place < rows_out.shape[0]:
@@ -99,16 +99,16 @@ def list_grain_contacts(world_out: ti.template(), rows_out: ti.template(), r, ra
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
     i, batch, n = base + rank, world_out.batch_type(), 0
     for k in range(entry_number(pairs, i)):
-        force = pair_force(world_out, batch, r, base, pairs.start[i] + k * pairs.stride)
+        force = force_of_pair_entry(world_out, batch, r, base, pairs.start[i] + k * pairs.stride)
         distance = lane(batch.offset, 0).norm()
         normal = lane(batch.offset, 0) / distance
-        n += write_row(rows_out, first + n, batch.partner[0], normal, distance, force)
+        n += write_contact_row(rows_out, first + n, batch.partner[0], normal, distance, force)
     locate_contacts(world_out, i)
     transfer_history(world_out, i)
     for e in range(walls.start[i], walls.stop[i]):
-        force = wall_force(world_out, batch, r, base, e)
+        force = force_of_wall_entry(world_out, batch, r, base, e)
         distance = world_out.grains.radius[i] - batch.overlap[0]
-        n += write_row(rows_out, first + n, batch.partner[0], lane(batch.offset, 0), distance, force)
+        n += write_contact_row(rows_out, first + n, batch.partner[0], lane(batch.offset, 0), distance, force)
     return n
 
 
@@ -135,7 +135,7 @@ def list_contacts(
 
 def contact_network(sim: Simulation, replica: int) -> ContactNetwork:
     """All contacts of one replica in order of their grains; the lower row of the GrainTable comes first."""
-    side, released, step, _ = replica_row(sim, replica)
+    side, released, step, _ = counters_of_replica(sim, replica)
     setup, place = sim.setups[replica], (2 * replica + side) * sim.capacities.grains
     number = np.zeros(max(released, 1), np.int32)
     list_contacts(replica, released, np.zeros_like(number), number, np.zeros((1, COLUMNS)), sim.world)
@@ -143,7 +143,7 @@ def contact_network(sim: Simulation, replica: int) -> ContactNetwork:
     list_contacts(replica, released, np.cumsum(number, dtype=np.int32) - number, number, rows, sim.world)
     rows = rows[: number.sum()]
     ident, radius = download([sim.world.grains.ident, sim.world.grains.radius], place, released)
-    position, ident = positions(sim, replica, place, released), ident.astype(np.int32)
+    position, ident = grain_positions(sim, replica, place, released), ident.astype(np.int32)
     one, other = np.repeat(np.arange(released), number[:released]), rows[:, 0].astype(np.int32)
     normal, distance, force = rows[:, 1:4], rows[:, 4], rows[:, 5:8]
     pairs, partner = other >= 0, np.maximum(other, 0)

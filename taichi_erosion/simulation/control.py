@@ -12,12 +12,12 @@ from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKin
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.grains.walls import FORCE, NO_SERVO, TORQUE
-from taichi_erosion.simulation.assemble import Simulation, bound_effects
+from taichi_erosion.simulation.assemble import Simulation, device_effects_by_place
 
 AXIS_TOLERANCE = 1e-9  # of the extent: a surface of revolution turning about its own axis keeps its shape [1]
 
 
-def surface_index(sim: Simulation, replica: int, name: str) -> int:
+def place_of_named_surface(sim: Simulation, replica: int, name: str) -> int:
     """Place of a named surface among those of all replicas. Raises KeyError where there is none."""
     names = [surface.name for surface in sim.setups[replica].surfaces]
     if name not in names:
@@ -26,26 +26,26 @@ def surface_index(sim: Simulation, replica: int, name: str) -> int:
 
 
 def remove_surface(sim: Simulation, replica: int, name: str) -> None:
-    upload([(sim.world.walls.present, [0.0])], surface_index(sim, replica, name))
-    make_stale(sim, replica)
+    upload([(sim.world.walls.present, [0.0])], place_of_named_surface(sim, replica, name))
+    request_rebuild_and_wake(sim, replica)
 
 
 def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> None:
     """Set the rigid motion of a wall; it replaces the one before and starts from where the wall is."""
     walls = sim.world.walls
-    place = surface_index(sim, replica, name)
+    place = place_of_named_surface(sim, replica, name)
     moves = any((*motion.velocity, *motion.spin, *motion.table)) or motion.servo is not None
     has_moved = moves or download([walls.has_moved], place, 1)[0][0] > 0.0
     setup, surface = sim.setups[replica], place % sim.capacities.surfaces
     steady = [replace(motion, velocity=row[1:4], spin=row[4:7]) for row in motion.table] or [motion]
-    sweep = max(shape_speed(setup, surface, each) for each in steady)
+    sweep = max(bound_of_wall_speed(setup, surface, each) for each in steady)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
     words = [(walls.moving, [float(moves)]), (walls.has_moved, [float(has_moved)]), (walls.sweep, [sweep])]
-    upload([*words, *vectors, *driven_columns(sim, replica, surface, motion)], place)
-    make_stale(sim, replica)
+    upload([*words, *vectors, *wall_drive_fields(sim, replica, surface, motion)], place)
+    request_rebuild_and_wake(sim, replica)
 
 
-def driven_columns(
+def wall_drive_fields(
     sim: Simulation, replica: int, surface: int, motion: Motion
 ) -> list[tuple[Any, list[Any]]]:
     """Fields of a surface that say by which table and servo it moves, with their values."""
@@ -58,22 +58,22 @@ def driven_columns(
     if servo is None:
         return [*columns, (walls.servo, [NO_SERVO])]
     turning = replace(motion, velocity=(0.0, 0.0, 0.0), spin=servo.axis)
-    reach = shape_speed(setup, surface, turning) if servo.is_torque else 1.0
+    reach = bound_of_wall_speed(setup, surface, turning) if servo.is_torque else 1.0
     numbers = {"target": servo.target, "axis": servo.axis, "fastest": servo.fastest, "servo_reach": reach}
     columns += [(getattr(walls, name), [value]) for name, value in numbers.items()]
     return [*columns, (walls.servo, [TORQUE if servo.is_torque else FORCE])]
 
 
-def shape_speed(setup: Setup, surface: int, motion: Motion) -> float:
+def bound_of_wall_speed(setup: Setup, surface: int, motion: Motion) -> float:
     """Bound on the speed at which the shape of a surface moves through space [m s-1]."""
     spin = np.linalg.norm(motion.spin)
     table = setup.primitives
     rows = zip(table.kind[table.surface == surface], table.shape[table.surface == surface], strict=True)
-    extent = max((0.0 if spin == 0.0 else extent_from_axis(k, row, motion) for k, row in rows), default=0.0)
+    extent = max((0.0 if spin == 0.0 else spin_reach(k, row, motion) for k, row in rows), default=0.0)
     return float(np.linalg.norm(motion.velocity) + spin * extent)
 
 
-def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
+def spin_reach(kind: int, row: Floats, motion: Motion) -> float:
     """Largest distance of a turning primitive from the spin axis [m]; 0 where turning leaves its shape."""
     axis = np.asarray(motion.spin) / np.linalg.norm(motion.spin)
     centre = np.asarray(motion.centre)
@@ -87,20 +87,20 @@ def extent_from_axis(kind: int, row: Floats, motion: Motion) -> float:
     return 0.0 if is_coaxial and aside < AXIS_TOLERANCE * size else aside + size
 
 
-def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:
+def set_replica_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, float]) -> None:
     """Change the gravity of one replica [m s-2]."""
     upload([(sim.world.replicas.gravity, [gravity])], replica)
-    wake_all(sim, replica)
+    wake_all_grains(sim, replica)
 
 
 def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
     """Change the contact parameters of one replica; lists are renewed before the next step."""
     sim.setups[replica] = replace(sim.setups[replica], contacts=table)
     upload_materials(sim.world.materials, [table], replica)
-    make_stale(sim, replica)
+    request_rebuild_and_wake(sim, replica)
 
 
-def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect]) -> bool:
+def set_replica_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect]) -> bool:
     """Change the effects of one replica; False, and nothing changed, where that needs a new assembly.
 
     Effects that the run was assembled with change at once; others, and longer reaches, change the kernels or
@@ -109,7 +109,7 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     before = sim.setups[replica].effects
     if np.any(np.greater(longest_reaches(effects), longest_reaches(before))):
         return False
-    bounds = bound_effects(sim.world)
+    bounds = device_effects_by_place(sim.world)
     if any(e.effect.name not in bounds[e.effect.place].names for e in effects):
         return False
     for place, of_place in bounds.items():
@@ -118,13 +118,13 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     return True
 
 
-def make_stale(sim: Simulation, replica: int) -> None:
+def request_rebuild_and_wake(sim: Simulation, replica: int) -> None:
     """Request a rebuild before the next step, and wake all grains: their support may have changed."""
     upload([(sim.world.replicas.stale, [1.0])], replica)
-    wake_all(sim, replica)
+    wake_all_grains(sim, replica)
 
 
-def wake_all(sim: Simulation, replica: int) -> None:
+def wake_all_grains(sim: Simulation, replica: int) -> None:
     """Wake all grains of one replica; their time at rest restarts."""
     if sim.world.sleeps:
         sleep, rows = sim.world.sleep, 2 * sim.capacities.grains

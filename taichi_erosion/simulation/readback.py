@@ -12,7 +12,7 @@ from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.saved_state import effect_states
+from taichi_erosion.simulation.saved_state import effect_state_variables
 
 
 def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
@@ -34,7 +34,7 @@ SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
 
 @ti.func
-def stored_energy(world: ti.template(), row, overlap, root_radius, tangential, rolling):
+def contact_spring_energy(world: ti.template(), row, overlap, root_radius, tangential, rolling):
     """Energy in the normal, tangential and rolling springs of one contact [J]."""
     contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
     energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
@@ -43,7 +43,7 @@ def stored_energy(world: ti.template(), row, overlap, root_radius, tangential, r
 
 
 @ti.func
-def pair_overlap(world: ti.template(), base, i, e):
+def overlap_of_pair_entry(world: ti.template(), base, i, e):
     """Overlap of the pair of entry e [m]."""
     j = base + world.pairs.neighbour[e]
     offset = world.pairs.separation[e] + world.grains.shift[i] - world.grains.shift[j]
@@ -51,11 +51,11 @@ def pair_overlap(world: ti.template(), base, i, e):
 
 
 @ti.func
-def entry_energy(world: ti.template(), entries: ti.template(), e, overlap):
+def energy_of_contact_entry(world: ti.template(), entries: ti.template(), e, overlap):
     """Energy stored in the contact of entry e of a neighbour list or wall list [J]."""
     row = entries.label[e] >> ROW_SHIFT
     tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
-    return stored_energy(world, row, overlap, entries.root_radius[e], tangential, rolling)
+    return contact_spring_energy(world, row, overlap, entries.root_radius[e], tangential, rolling)
 
 
 @ti.func
@@ -73,7 +73,7 @@ def add_number(numbers_out: ti.template(), row, column, number):
 
 
 @ti.func
-def add_motion(world: ti.template(), sums_out: ti.template(), r, row, rank):
+def add_energy_and_speed(world: ti.template(), sums_out: ti.template(), r, row, rank):
     """Kinetic and potential energy [J] and speed [m s-1] of one grain."""
     i, place = side_block(world.grains, r, world.replicas.side[r]) + rank, r * world.grains.capacity + rank
     half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
@@ -93,25 +93,25 @@ def add_contact(
     world: ti.template(), entries: ti.template(), sums_out: ti.template(), row, e, overlap, radius
 ):
     """Stored energy [J] of a contact that acts, and its overlap over a radius [1]."""
-    add_number(sums_out, row, STORED, entry_energy(world, entries, e, overlap))
+    add_number(sums_out, row, STORED, energy_of_contact_entry(world, entries, e, overlap))
     add_number(sums_out, row, CONTACTS, 1.0)
     sums_out[row, OVERLAP] = ti.max(sums_out[row, OVERLAP], ti.cast(overlap / radius, ti.f64))
 
 
 @ti.func
-def add_grain(
+def add_grain_to_sums(
     world: ti.template(), contacts_out: ti.template(), sums_out: ti.template(), r, row, place, rank, counts
 ):
     """Motion of one grain, and its contacts with walls and with the grains of its list."""
     pairs, walls = ti.static((world.pairs, world.wall_pairs))
     base = side_block(world.grains, r, world.replicas.side[r])
     i, touching = base + rank, 0
-    add_motion(world, sums_out, r, place, rank)
+    add_energy_and_speed(world, sums_out, r, place, rank)
     for k in range(entry_number(pairs, i)):
         e = pairs.start[i] + k * pairs.stride
         if pairs.label[e] & ENGAGED == ENGAGED:
             touching += 1
-            root, overlap = pairs.root_radius[e], pair_overlap(world, base, i, e)
+            root, overlap = pairs.root_radius[e], overlap_of_pair_entry(world, base, i, e)
             add_contact(world, pairs, sums_out, place, e, overlap, 2.0 * root * root)
             if counts == 1:  # an atomic sum of whole numbers, in any order
                 ti.atomic_add(contacts_out[row, pairs.neighbour[e]], 1)
@@ -124,7 +124,7 @@ def add_grain(
 
 
 @ti.kernel
-def sum_chunks(
+def sum_over_grain_chunks(
     first: ti.i32,
     last: ti.i32,
     chunk: ti.i32,
@@ -139,12 +139,12 @@ def sum_chunks(
         row, begin = place // chunks, place % chunks * chunk
         released = world.replicas.released[first + row]
         for rank in range(begin, ti.min(begin + chunk, released)):
-            add_grain(world, contacts_out, sums_out, first + row, row, place, rank, counts)
+            add_grain_to_sums(world, contacts_out, sums_out, first + row, row, place, rank, counts)
         if begin == 0:
             sums_out[place, RELEASED] = released
 
 
-def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
+def counters_of_replica(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
     """Side, released grains, step and rebuilds of one replica."""
     fields = sim.world.replicas
     values = download([fields.side, fields.released, fields.step, fields.rebuilds], replica, 1)
@@ -161,14 +161,14 @@ def contact_sums(sim: Simulation, first: int, last: int, counts: bool = False) -
     chunks = -(-sim.capacities.grains // chunk)
     contacts = np.zeros((last - first, sim.capacities.grains) if counts else (1, 1), np.int32)
     sums = np.zeros(((last - first) * chunks, 8))
-    sum_chunks(first, last, chunk, chunks, int(counts), sim.world, contacts, sums)
+    sum_over_grain_chunks(first, last, chunk, chunks, int(counts), sim.world, contacts, sums)
     by_replica = sums.reshape(last - first, chunks, 8)
     values = by_replica.sum(axis=1)
     values[:, [SPEED, OVERLAP]] = by_replica[:, :, [SPEED, OVERLAP]].max(axis=1)
     return contacts, values
 
 
-def positions(sim: Simulation, replica: int, first: int, count: int) -> Floats:
+def grain_positions(sim: Simulation, replica: int, first: int, count: int) -> Floats:
     """Positions [m] of the grains from place `first` on, wrapped into the period."""
     setup = sim.setups[replica]
     origin, shift = download([sim.world.grains.origin, sim.world.grains.shift], first, count)
@@ -181,13 +181,13 @@ def positions(sim: Simulation, replica: int, first: int, count: int) -> Floats:
 
 def snapshot(sim: Simulation, replica: int) -> Snapshot:
     """Released grains of one replica in the order of its GrainTable, velocities as of the positions' time."""
-    side, released, step, _ = replica_row(sim, replica)
+    side, released, step, _ = counters_of_replica(sim, replica)
     grains, rows, setup = sim.world.grains, sim.capacities.grains, sim.setups[replica]
     fields = [grains.velocity, grains.spin, grains.radius, grains.mass_inverse, grains.ident]
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
-    memory = effect_states(sim)
+    memory = effect_state_variables(sim)
     states = download([numbers for numbers, _ in memory.values()], first, released) if memory else []
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     order = np.argsort(ident, kind="stable")
@@ -197,14 +197,14 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     return Snapshot(
         time=step * setup.time_step,
         step=step,
-        position=positions(sim, replica, first, released)[order],
+        position=grain_positions(sim, replica, first, released)[order],
         velocity=(velocity + half * rate)[order],
         spin=(spin + half * spin_rate)[order],
         radius=radius[order],
         mass=1.0 / inverse[order],
         contacts=contacts[0, order],
         ident=ident[order].astype(np.int32),
-        waiting=waiting_spheres(sim, replica),
+        waiting=count_waiting_spheres(sim, replica),
         removed=removed_spheres(sim)[replica],
         effect_state={name: values[order] for name, values in zip(memory, states, strict=True)},
         force=(rate / inverse[:, np.newaxis])[order],
@@ -213,9 +213,9 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     )
 
 
-def totals(sim: Simulation, replica: int) -> Totals:
+def energy_totals(sim: Simulation, replica: int) -> Totals:
     """Energies and extremes of one replica, summed over spheres: a clump counts once for every sphere."""
-    _, released, step, rebuilds = replica_row(sim, replica)
+    _, released, step, rebuilds = counters_of_replica(sim, replica)
     _, (sums,) = contact_sums(sim, replica, replica + 1)
     return Totals(
         time=step * sim.setups[replica].time_step,
@@ -237,9 +237,9 @@ def removed_spheres(sim: Simulation) -> list[int]:
     return [int(number) for number in download([sim.world.replicas.removed], 0, len(sim.setups))[0]]
 
 
-def waiting_spheres(sim: Simulation, replica: int) -> int:
+def count_waiting_spheres(sim: Simulation, replica: int) -> int:
     """Spheres of one replica that are not released yet."""
-    released = replica_row(sim, replica)[1]
+    released = counters_of_replica(sim, replica)[1]
     return len(sim.setups[replica].grains.radius) - released - removed_spheres(sim)[replica]
 
 
@@ -248,8 +248,8 @@ def energies(sim: Simulation) -> Floats:
     return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 
 
-def share_touching(sim: Simulation, replica: int) -> float:
+def share_of_grains_in_contact(sim: Simulation, replica: int) -> float:
     """Share of the grains that are there with at least one contact [1]; 1 of none."""
-    _, released, _, _ = replica_row(sim, replica)
+    _, released, _, _ = counters_of_replica(sim, replica)
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     return float(np.mean(contacts[0, :released] > 0)) if released else 1.0

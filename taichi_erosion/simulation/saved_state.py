@@ -13,8 +13,8 @@ from taichi_erosion.grains.frozen_drag import FrozenDrag
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.sleep import SAVED_FIELDS
 from taichi_erosion.grains.state import REACH_FIELDS
-from taichi_erosion.simulation.assemble import Simulation, reallocate
-from taichi_erosion.simulation.capacities import with_doubled_lists
+from taichi_erosion.simulation.assemble import Simulation, reallocate_fields
+from taichi_erosion.simulation.capacities import double_list_capacities
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -51,7 +51,7 @@ def download_members(prefix: str, owner: Any, names: tuple[str, ...], first: int
     return {prefix + name: values for name, values in zip(names, arrays, strict=True)}
 
 
-def saved_columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
+def saved_fields(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
     """Fields of a record, each with its values in a checkpoint."""
     return [(getattr(owner, name), state[prefix + name]) for name in names]
 
@@ -68,7 +68,7 @@ def export_state(sim: Simulation) -> Arrays:
         block = 2 * r + int(side[r])
         part = export_replica(sim, r, block, int(state["released"][r]))
         state |= {f"replica{r}_{name}": values for name, values in part.items()}
-    return state | {name: download_field(field) for name, field in air_state(sim).items()}
+    return state | {name: download_field(field) for name, field in air_and_exchange_fields(sim).items()}
 
 
 def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
@@ -81,7 +81,7 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
         out |= download_members("frozen_", world.frozen_drag, FROZEN, first, count)
     if world.sleeps:
         out |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count)
-    for name, (numbers, _) in effect_states(sim).items():
+    for name, (numbers, _) in effect_state_variables(sim).items():
         out[f"effect_{name}"] = download([numbers], first, count)[0]
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], first, count))
@@ -114,7 +114,7 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     import_replica(sim, replica, bed)
 
 
-def without_grains(state: Arrays, replica: int, idents: Sequence[int]) -> Arrays:
+def remove_grains_from_state(state: Arrays, replica: int, idents: Sequence[int]) -> Arrays:
     """An exported state in which some grains of a replica count as taken out, with their contacts."""
     prefix, after = f"replica{replica}_", {name: values.copy() for name, values in state.items()}
     part = {k.removeprefix(prefix): values for k, values in state.items() if k.startswith(prefix)}
@@ -135,7 +135,7 @@ def without_grains(state: Arrays, replica: int, idents: Sequence[int]) -> Arrays
     return after
 
 
-def start_from_beds(sim: Simulation) -> None:
+def restore_springs_of_beds(sim: Simulation) -> None:
     """Give the grains that begin as the bed of another run the springs that they had with each other."""
     world = sim.world
     for r, setup in enumerate(sim.setups):
@@ -163,7 +163,7 @@ def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: in
     return np.repeat(start, number) + stride * within
 
 
-def in_room(numbers: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
+def resize_partition_numbers(numbers: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
     """Numbers by replica and partition in a field of another size, zero where none is saved."""
     column = np.zeros(room, numbers.dtype)
     rows, columns = np.minimum(numbers.shape, room)
@@ -176,20 +176,20 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     ensure_capacity(sim, state)
     world, count = sim.world, len(sim.setups)
     replicas = world.replicas
-    clocks = saved_columns("", replicas, REPLICA, state)
+    clocks = saved_fields("", replicas, REPLICA, state)
     upload([*clocks, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
     for name in FAULT:
         field = getattr(replicas, name)
-        write_field(field, in_room(state[name], field.shape))
+        write_field(field, resize_partition_numbers(state[name], field.shape))
     sums = (world.walls.push, world.walls.stiffness)
     for stale in (replicas.need, world.grains.force, world.grains.torque, *sums):
         write_field(stale, 0)
     if sim.capacities.surfaces:
-        upload(saved_columns("surface_", world.walls, SURFACE, state))
+        upload(saved_fields("surface_", world.walls, SURFACE, state))
     for r in range(count):
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
-    for name, field in air_state(sim).items():
+    for name, field in air_and_exchange_fields(sim).items():
         whole = download_field(field)  # of another number of replicas where the grains were divided otherwise
         rows = min(len(whole), len(state[name]))
         whole[:rows] = state[name][:rows]
@@ -198,24 +198,24 @@ def import_state(sim: Simulation, state: Arrays) -> None:
 
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
     """Grow the lists until those of a state fit."""
-    pairs, wall_pairs = (needed_capacity(state, prefix) for prefix in ("pair", "wall"))
+    pairs, wall_pairs = (needed_entry_capacity(state, prefix) for prefix in ("pair", "wall"))
     if sim.buffers is not None:  # as many places for every grain as the fullest list and reverse list take
-        pairs = sim.world.pairs.stride * most_partners(state, len(sim.setups))
+        pairs = sim.world.pairs.stride * largest_list_length(state, len(sim.setups))
     capacities = sim.capacities
     while capacities.pairs < pairs or capacities.wall_pairs < wall_pairs:
-        capacities = with_doubled_lists(capacities)
+        capacities = double_list_capacities(capacities)
     if capacities != sim.capacities:
-        reallocate(sim, capacities)
+        reallocate_fields(sim, capacities)
 
 
-def most_partners(state: Arrays, replicas: int) -> int:
+def largest_list_length(state: Arrays, replicas: int) -> int:
     """Entries of the fullest list of a grain or reverse list."""
     lists = [state[f"replica{r}_pair_number"] for r in range(replicas)]
     second = [state[f"replica{r}_pair_neighbour"].astype(np.int64) for r in range(replicas)]
     return int(max(number.max(initial=0) for number in (*lists, *map(np.bincount, second))))
 
 
-def needed_capacity(state: Arrays, prefix: str) -> int:
+def needed_entry_capacity(state: Arrays, prefix: str) -> int:
     """Entries a replica and side with which the fullest partition of all replicas fits its share."""
     capacity = 0
     for r, partitions in enumerate(state["partitions"].astype(int)):
@@ -231,18 +231,18 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     if sim.buffers is not None:
         part = part | {"bounds": np.array([0, len(part["ident"])])}
         upload([(world.replicas.partitions, [1.0])], r)
-    upload(saved_columns("", world.grains, GRAIN, part), 2 * r * rows)
-    upload(saved_columns("", world.grains, RATE, part), r * rows)
+    upload(saved_fields("", world.grains, GRAIN, part), 2 * r * rows)
+    upload(saved_fields("", world.grains, RATE, part), r * rows)
     if world.has_external_forces:
-        upload(saved_columns("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
+        upload(saved_fields("frozen_", world.frozen_drag, FROZEN, part), 2 * r * rows)
     if world.sleeps:
-        upload(saved_columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
-    for name, (numbers, start) in effect_states(sim).items():
+        upload(saved_fields("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
+    for name, (numbers, start) in effect_state_variables(sim).items():
         fresh = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
         upload([(numbers, part.get(f"effect_{name}", fresh))], 2 * r * sim.capacities.grains)
     import_lists(sim, r, part)
     if world.has_clumps:
-        upload(saved_columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
+        upload(saved_fields("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
         rank = np.full(rows, NOWHERE)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
         upload([(world.clumps.rank, rank)], r * rows)
@@ -257,10 +257,10 @@ def import_lists(sim: Simulation, r: int, part: Arrays) -> None:
     part = part | {"wall_wall": part["wall_wall"] + r * sim.capacities.primitives}
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         number = part[f"{prefix}number"].astype(np.int64)
-        entries = saved_columns(prefix, table, names, part)
+        entries = saved_fields(prefix, table, names, part)
         entries.append((table.owner, np.repeat(np.arange(len(number)), number)))
         by_grain = sim.buffers is not None and table is world.pairs
-        (upload_by_grain if by_grain else upload_entries)(sim, r, table, number, entries)
+        (upload_entries_by_grain if by_grain else upload_entries_by_partition)(sim, r, table, number, entries)
     upload([(world.wall_pairs.clearance_squared, np.zeros(rows))], 2 * r * rows)
     if sim.buffers is not None:
         near = np.flatnonzero(part["wall_number"])
@@ -268,7 +268,7 @@ def import_lists(sim: Simulation, r: int, part: Arrays) -> None:
         upload([(sim.buffers.walled_rank, near)], r * rows)
 
 
-def air_state(sim: Simulation) -> dict[str, Any]:
+def air_and_exchange_fields(sim: Simulation) -> dict[str, Any]:
     """Fields of air and exchange that the next step depends on, by their names in a checkpoint."""
     air, exchange, on_grid = sim.coupling.air, sim.coupling.exchange, sim.coupling.host_driven
     if air is None:
@@ -279,12 +279,12 @@ def air_state(sim: Simulation) -> dict[str, Any]:
     return state | {f"exchange_{name}": getattr(exchange, name) for name in names}
 
 
-def effect_states(sim: Simulation) -> dict[str, tuple[Any, Any]]:
+def effect_state_variables(sim: Simulation) -> dict[str, tuple[Any, Any]]:
     """State variables of all effects, as `state_fields` of each place."""
     return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
 
 
-def upload_by_grain(
+def upload_entries_by_grain(
     sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]
 ) -> None:
     """Lay the joined entries of a replica out by rank, on side 0, with the reverse lists and no forces."""
@@ -293,27 +293,27 @@ def upload_by_grain(
     start = np.arange(len(number))
     places, most = entry_places(start, number, stride), stride * int(number.max(initial=0))
     for field, values in columns:
-        upload([(field, scatter(places, values, most))], 2 * block)
+        upload([(field, scatter_to_places(places, values, most))], 2 * block)
     ends = [(table.start, 2 * block + start), (table.stop, 2 * block + start + stride * number)]
     upload(ends, 2 * r * stride)
     second = columns[0][1].astype(np.int64)
     partners = np.bincount(second, minlength=len(number))
     reverse = entry_places(start, partners, stride), places[np.lexsort((places, second))]
-    upload([(buffers.partner_entry, scatter(*reverse, table.capacity))], block)
+    upload([(buffers.partner_entry, scatter_to_places(*reverse, table.capacity))], block)
     upload([(buffers.partners, partners)], r * stride)
     upload([(buffers.listed, [most])], r)
     for rows_out in (buffers.force, buffers.torque, buffers.back, buffers.acts):
         write_field(rows_out, 0)
 
 
-def scatter(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
+def scatter_to_places(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
     """`count` rows with the values at their places, zero elsewhere."""
     rows = np.zeros((count, *np.shape(values)[1:]))
     rows[places] = values
     return rows
 
 
-def upload_entries(
+def upload_entries_by_partition(
     sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]
 ) -> None:
     """Lay the joined entries of a replica out by partition and write where each grain's begin and end."""
@@ -334,10 +334,10 @@ def upload_entries(
             reach.append((first, last, entries))
     upload([(table.start, begin), (table.stop, begin + number)], 2 * r * sim.capacities.grains)
     if table is sim.world.pairs:
-        upload_reach(sim, r, reach, columns[0][1])
+        upload_partition_reach(sim, r, reach, columns[0][1])
 
 
-def upload_reach(
+def upload_partition_reach(
     sim: Simulation, r: int, reach: list[tuple[int, int, slice]], neighbour: NDArray[Any]
 ) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""

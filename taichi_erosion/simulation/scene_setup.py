@@ -39,7 +39,7 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
     conditions, changed = scene.conditions.values_in_si(), scene
     for name in sorted(scene.effects):
         effect = library[name]
-        params, strength = checked_params(scene, effect)
+        params, strength = effect_params(scene, effect)
         if effect.place == "scene" and strength > 0.0:
             changed = changed_by(effect, params, strength, conditions, changed)
     if changed is scene:
@@ -78,14 +78,14 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
     effects, circumstances = [], circumstances_of(after)
     for name in sorted(after.effects):
         effect = library[name]
-        params, strength = checked_params(after, effect)
+        params, strength = effect_params(after, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
             with failures_of(effect, "constants"):
                 effects.append(replica_effect(effect, params, strength, circumstances, radius))
     return effects
 
 
-def can_act(scene: Scene, effect: Effect) -> bool:
+def can_effect_act_in_scene(scene: Scene, effect: Effect) -> bool:
     """Whether an effect can act under the conditions that a scene states."""
     with failures_of(effect, "can_act"):
         return bool(
@@ -93,9 +93,9 @@ def can_act(scene: Scene, effect: Effect) -> bool:
         )
 
 
-def makes_difference(scene: Scene, effect: Effect) -> bool:
+def does_effect_change_scene(scene: Scene, effect: Effect) -> bool:
     """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
-    params, strength = checked_params(scene, effect)
+    params, strength = effect_params(scene, effect)
     circumstances = circumstances_of(scene)
     if effect.place == "scene":
         return changed_by(effect, params, strength, scene.conditions.values_in_si(), scene) != scene
@@ -108,7 +108,7 @@ def makes_difference(scene: Scene, effect: Effect) -> bool:
     )
 
 
-def checked_params(scene: Scene, effect: Effect) -> tuple[object, float]:
+def effect_params(scene: Scene, effect: Effect) -> tuple[object, float]:
     """Parameters and strength as the scene states them."""
     try:
         return read_params(effect, scene.effects[effect.name])

@@ -33,7 +33,7 @@ def allocate_schedule(workers: int, replicas: int) -> Schedule:
     return Schedule(*(ti.field(ti.i32, size) for size in sizes))
 
 
-def assign_steps(steps: Integers, workers: int) -> Schedule:
+def assign_steps_to_workers(steps: Integers, workers: int) -> Schedule:
     """Cut the steps of all replicas into equal parts; a part never contains the same replica twice."""
     if workers >= len(steps):
         everyone = list(range(len(steps)))

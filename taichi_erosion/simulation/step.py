@@ -48,7 +48,7 @@ def check_positions(world_out: ti.template(), r):
     leaving = 0
     for rank in range(world_out.replicas.released[r]):
         fault, value = position_fault(world_out, r, rank)
-        leaves = mark_leaving(world_out, r, rank, fault)
+        leaves = mark_removal(world_out, r, rank, fault)
         leaving += leaves
         if fault != 0 and leaves == 0:
             stop_at(world_out.replicas, r, rank, fault, value)
@@ -56,7 +56,7 @@ def check_positions(world_out: ti.template(), r):
 
 
 @ti.func
-def mark_leaving(world_out: ti.template(), r, rank, fault):
+def mark_removal(world_out: ti.template(), r, rank, fault):
     """Note for the sort whether a grain is to be taken out, which stays in all lists; returns 1 if so."""
     (grains,) = ti.static((world_out.grains,))
     leaves = world_out.replicas.removes[r] * ti.cast(fault == LOST, ti.i32)
@@ -126,21 +126,21 @@ def swap_sides(replicas_out: ti.template(), r):
 
 
 @ti.func
-def list_neighbours(world_out: ti.template(), r, p):
+def list_neighbours_of_partition(world_out: ti.template(), r, p):
     """Lists of one partition."""
     list_partition(world_out, r, p)
     list_walls(world_out, r, p)
 
 
 @ti.func
-def add_forces(world_out: ti.template(), r, p):
+def add_partition_forces(world_out: ti.template(), r, p):
     """Forces of one partition, while its grains are in the cache."""
     add_pair_forces(world_out, r, p)
     add_wall_forces(world_out, r, p)
 
 
 @ti.func
-def apply_to_owned(task: ti.template(), world_out: ti.template(), r, member, size):
+def apply_to_own_partitions(task: ti.template(), world_out: ti.template(), r, member, size):
     """One device function applied to every partition that a member of the team owns."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
@@ -148,7 +148,7 @@ def apply_to_owned(task: ti.template(), world_out: ti.template(), r, member, siz
 
 
 @ti.func
-def rebuild(world_out: ti.template(), r, member, size, phase):
+def sort_and_rebuild_lists(world_out: ti.template(), r, member, size, phase):
     """Sort the grains and rebuild all lists; returns the next barrier."""
     # no worker may change what another still reads to decide on this rebuild
     phase = barrier(world_out.replicas, r, size, phase)
@@ -156,9 +156,9 @@ def rebuild(world_out: ti.template(), r, member, size, phase):
         prepare_rebuild(world_out, r)
     phase = barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
-        apply_to_owned(move_grains, world_out, r, member, size)
+        apply_to_own_partitions(move_grains, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
-        apply_to_owned(list_neighbours, world_out, r, member, size)
+        apply_to_own_partitions(list_neighbours_of_partition, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
         if member == 0:
             finish_rebuild(world_out, r)
@@ -183,7 +183,7 @@ def required_action(world: ti.template(), r):
 
 
 @ti.func
-def integrate(world_out: ti.template(), r, member, size, step, is_last):
+def integrate_partitions(world_out: ti.template(), r, member, size, step, is_last):
     """Motion of the member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
@@ -213,9 +213,9 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
     if ti.static((world_out.has_external_forces or world_out.has_state) and not coupling_out.host_driven):
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
-    apply_to_owned(add_forces, world_out, r, member, size)
+    apply_to_own_partitions(add_partition_forces, world_out, r, member, size)
     phase = step_barrier(replicas_out, r, size, phase)
-    integrate(world_out, r, member, size, step, is_last)
+    integrate_partitions(world_out, r, member, size, step, is_last)
     if member == 0:
         advance_clock_and_walls(world_out, r)
     return step_barrier(replicas_out, r, size, phase)
@@ -231,7 +231,7 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
     while going and count < steps:
         action = required_action(world_out, r)
         if action == REBUILD:
-            phase = rebuild(world_out, r, member, size, phase)
+            phase = sort_and_rebuild_lists(world_out, r, member, size, phase)
         going = action != STOP and replicas_out.status[r] == 0
         if going:
             paused = replicas_out.pause[r] == 1
@@ -240,11 +240,11 @@ def advance_replica(world_out: ti.template(), coupling_out: ti.template(), r, me
             count += 1
             going = not paused
     if member == 0:
-        finish_launch(replicas_out, r, count)
+        finish_replica_launch(replicas_out, r, count)
 
 
 @ti.func
-def finish_launch(replicas_out: ti.template(), r, done):
+def finish_replica_launch(replicas_out: ti.template(), r, done):
     """Count the steps done; an overlap found by any partition becomes the status of the replica."""
     replicas_out.steps_left[r] = replicas_out.steps_left[r] - done
     for p in range(replicas_out.partitions[r]):
@@ -253,7 +253,7 @@ def finish_launch(replicas_out: ti.template(), r, done):
 
 
 @ti.func
-def run_assigned(world_out: ti.template(), coupling_out: ti.template(), schedule: ti.template(), worker):
+def run_worker_tasks(world_out: ti.template(), coupling_out: ti.template(), schedule: ti.template(), worker):
     """Run the tasks of one worker in order, each after the earlier tasks of its replica."""
     for task in range(schedule.first[worker], schedule.first[worker + 1]):
         r = schedule.replica[task]
@@ -264,7 +264,7 @@ def run_assigned(world_out: ti.template(), coupling_out: ti.template(), schedule
 
 
 @ti.kernel
-def release_first(world_out: ti.template()):
+def release_grains_before_start(world_out: ti.template()):
     """Release the grains that are there from the start, so that a state can be read before the first step.
 
     Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
@@ -276,7 +276,7 @@ def release_first(world_out: ti.template()):
 
 
 @ti.kernel
-def run_replicas(
+def run_scheduled_replicas(
     workers: ti.i32,
     chunk: ti.i32,
     schedule: ti.template(),
@@ -291,11 +291,11 @@ def run_replicas(
     """
     for lane in range(workers * chunk):
         if lane % chunk == 0:
-            run_assigned(world_out, coupling_out, schedule, lane // chunk)
+            run_worker_tasks(world_out, coupling_out, schedule, lane // chunk)
 
 
 @ti.kernel
-def run_teams(
+def run_replicas_in_teams(
     teams: ti.i32, size: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
     """Teams of `size` workers divide the partitions of one replica each.

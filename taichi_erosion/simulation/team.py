@@ -36,7 +36,7 @@ class Team:
     seconds: float = 0.0  # of all launches
 
 
-def mean_threads(team: Team) -> dict[str, float]:
+def mean_team_size(team: Team) -> dict[str, float]:
     """Mean number of workers of all teams, by its name in a result; nothing where no team could run."""
     return {"threads_mean": round(team.worker_seconds / team.seconds, 2)} if team.seconds else {}
 
@@ -68,20 +68,20 @@ def adapt_size(team: Team, teams: int, size: int, most: int, late: bool) -> None
     idle = teams * size * team.wall - team.processor_time
     if size > 1 and (team.wall >= WINDOW or idle >= LOST_MOST * teams):
         if team.has_late_worker and idle * size > teams * team.wall:
-            shrink(team, now, min(max(round(idle / (teams * team.wall)), 1), size - 1))
-        begin_window(team)
+            shrink_team(team, now, min(max(round(idle / (teams * team.wall)), 1), size - 1))
+        reset_launch_window(team)
     if 0 < team.absent and size < most and now - max(team.shrink_time, team.growth_time) >= team.wait:
         team.absent //= 2
         team.growth_time = now
-        begin_window(team)
+        reset_launch_window(team)
 
 
-def begin_window(team: Team) -> None:
+def reset_launch_window(team: Team) -> None:
     """Forget the launches that have been judged."""
     team.wall, team.processor_time, team.has_late_worker = 0.0, 0.0, False
 
 
-def shrink(team: Team, now: float, fewer: int) -> None:
+def shrink_team(team: Team, now: float, fewer: int) -> None:
     """Leave so many more workers out; they come back later where the last one came back too early."""
     team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.growth_time < RELAPSE else WAIT_LEAST
     team.absent += fewer

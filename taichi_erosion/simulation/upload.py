@@ -11,7 +11,7 @@ from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import cell_grid
 from taichi_erosion.grains.materials import Materials, upload_materials
 from taichi_erosion.grains.walls import Walls
-from taichi_erosion.simulation.capacities import cell_count, verlet_skin
+from taichi_erosion.simulation.capacities import cells_for_grains, verlet_skin
 
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
@@ -28,20 +28,20 @@ def pad(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
 
 def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
     """Everything that the setups state; `reaches` [n, 2] as `gap_reach` gives them."""
-    upload_source(world, setups)
+    upload_grain_tables(world, setups)
     upload_replicas(world, setups, reaches, partitions)
-    upload_cells(world, setups, reaches)
-    upload_walls(world.walls, setups)
+    upload_cell_grids(world, setups, reaches)
+    upload_wall_primitives(world.walls, setups)
     upload_materials(world.materials, [s.contacts for s in setups])
     if world.sleeps:
         orders = [(s.coupling.sleep_exchanges, s.coupling.sleep_share) for s in setups]
         rest_least, share = zip(*orders, strict=True)
         upload([(world.sleep.rest_least, rest_least), (world.sleep.share, share)])
     if world.has_clumps:
-        upload_clumps(world, setups)
+        upload_clump_bodies(world, setups)
 
 
-def common_rows(setups: list[Setup], materials: Materials) -> list[int]:
+def material_row_of_all_pairs(setups: list[Setup], materials: Materials) -> list[int]:
     """Row of Materials of all pairs of grains, by replica; -1 where grains differ in material."""
     kinds = [np.unique(setup.grains.material) for setup in setups]
     return [
@@ -52,7 +52,7 @@ def common_rows(setups: list[Setup], materials: Materials) -> list[int]:
     ]
 
 
-def upload_source(world: World, setups: list[Setup]) -> None:
+def upload_grain_tables(world: World, setups: list[Setup]) -> None:
     """GrainTables, from which grains are released."""
     source, rows = world.source, world.grains.capacity
     grains = [s.grains for s in setups]
@@ -78,7 +78,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
             (replicas.total, [len(s.grains.radius) for s in setups]),
             (replicas.stale, np.ones(len(setups))),
             (replicas.partitions, partitions),
-            (replicas.pair_row, common_rows(setups, world.materials)),
+            (replicas.pair_row, material_row_of_all_pairs(setups, world.materials)),
             (replicas.time_step, [s.time_step for s in setups]),
             (replicas.gravity, [s.gravity for s in setups]),
             (replicas.removes, [s.removes_outside for s in setups]),
@@ -96,16 +96,16 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
     )
 
 
-def upload_cells(world: World, setups: list[Setup], reaches: Floats) -> None:
+def upload_cell_grids(world: World, setups: list[Setup], reaches: Floats) -> None:
     """Cell grids."""
     skins = [verlet_skin(s, world.pairs.stride > 1) for s in setups]
     least = [2.0 * skin.cell_reach + reach for skin, reach in zip(skins, reaches[:, 0], strict=True)]
-    most = [min(world.cells.capacity, cell_count(len(s.grains.radius))) for s in setups]
+    most = [min(world.cells.capacity, cells_for_grains(len(s.grains.radius))) for s in setups]
     grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]
     upload([(getattr(world.cells, name), [grid[name] for grid in grids]) for name in grids[0]])
 
 
-def upload_walls(walls: Walls, setups: list[Setup]) -> None:
+def upload_wall_primitives(walls: Walls, setups: list[Setup]) -> None:
     """Primitives and surfaces, at rest."""
     tables = [s.primitives for s in setups]
     if not any(len(table.kind) for table in tables):
@@ -150,7 +150,7 @@ def bounding_ball(kind: int, row: Floats) -> tuple[Floats, float]:
     return np.zeros(3), float("inf")
 
 
-def upload_clumps(world: World, setups: list[Setup]) -> None:
+def upload_clump_bodies(world: World, setups: list[Setup]) -> None:
     """Bodies as placed, moving and turning as the first sphere of each does at release."""
     clumps, rows = world.clumps, world.grains.capacity
     tables = [s.clumps for s in setups if s.clumps is not None]

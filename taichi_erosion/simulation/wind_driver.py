@@ -17,7 +17,7 @@ from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with
 from taichi_erosion.simulation.assemble import Simulation
 
 
-def air_of(sim: Simulation, replica: int) -> tuple[Air, AirSetup]:
+def air_on_device(sim: Simulation, replica: int) -> tuple[Air, AirSetup]:
     """Air on the device, and its setup in one replica; for runs with air alone."""
     air, setup = sim.coupling.air, sim.setups[replica].air
     assert air is not None
@@ -25,7 +25,7 @@ def air_of(sim: Simulation, replica: int) -> tuple[Air, AirSetup]:
     return air, setup
 
 
-def exchange_when_due(sim: Simulation, going: Any) -> Integers:
+def exchange_air_if_due(sim: Simulation, going: Any) -> Integers:
     """Exchange of those of the `going` replicas that are due; returns the steps to the next exchange of each.
 
     Before the first exchange of all, the drag terms are set without advancing the air.
@@ -35,17 +35,17 @@ def exchange_when_due(sim: Simulation, going: Any) -> Integers:
     step, every, last = (column.astype(np.int64) for column in download(columns, 0, count))
     due = going & (step % every == 0) & (last != step)
     if (due & (last < 0)).any():
-        select_replicas(sim, due & (last < 0))
+        select_replicas_of_grids(sim, due & (last < 0))
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
     if due.any():
-        select_replicas(sim, due)
+        select_replicas_of_grids(sim, due)
         exchange_with_grids(sim.world, sim.coupling, count, sim.chunk)
     return (every - step % every).astype(np.int32)
 
 
-def select_replicas(sim: Simulation, moving: Any) -> None:
+def select_replicas_of_grids(sim: Simulation, moving: Any) -> None:
     """Select the replicas that the kernels of grids act on."""
-    upload([(air_of(sim, 0)[0].active, moving)])
+    upload([(air_on_device(sim, 0)[0].active, moving)])
 
 
 def change_grid_wind(sim: Simulation, replica: int, before: float, after: float, anew: bool) -> None:
@@ -54,7 +54,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     Wind that starts from rest has initial turbulence and develops over grains that keep their places. A wind
     that changes keeps its eddies: all velocities grow with u*, all pressures with its square.
     """
-    air, setup = air_of(sim, replica)
+    air, setup = air_on_device(sim, replica)
     if before > 0.0 or after == 0.0:
         factor = after / before if before > 0.0 else 0.0
         for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
@@ -64,7 +64,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     else:
         u, v, w = initial_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
-    select_replicas(sim, np.arange(len(sim.setups)) == replica)
+    select_replicas_of_grids(sim, np.arange(len(sim.setups)) == replica)
     match_air_to_grains(sim.world, sim.coupling, len(sim.setups), sim.chunk)
     if anew:
         clear_residuals(sim.world, sim.coupling, len(sim.setups), sim.chunk)
@@ -74,7 +74,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
 
 def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> None:
     """Advance the air over resting grains for the stated number of turnovers."""
-    air, setup = air_of(sim, replica)
+    air, setup = air_on_device(sim, replica)
     assert setup.initial_turbulence is not None
     time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
@@ -83,9 +83,9 @@ def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> 
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 
-def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
+def set_bed_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
     """Change the stress on the bed of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
-    air, setup = air_of(sim, replica)
+    air, setup = air_on_device(sim, replica)
     reaching = value * sim.setups[replica].coupling.partition
     upload([(air.numbers.friction_velocity, [reaching])], replica)
     if not air.is_column:
@@ -94,7 +94,7 @@ def set_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
     """u* [m s-1] before its partition, as set last."""
-    reaching = download([air_of(sim, replica)[0].numbers.friction_velocity], replica, 1)[0][0]
+    reaching = download([air_on_device(sim, replica)[0].numbers.friction_velocity], replica, 1)[0][0]
     return float(reaching) / sim.setups[replica].coupling.partition
 
 
@@ -105,8 +105,8 @@ def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False
     profile: see `change_grid_wind`.
     """
     before = friction_velocity(sim, replica)
-    set_friction_velocity(sim, replica, value)
-    if air_of(sim, replica)[0].is_column:
+    set_bed_friction_velocity(sim, replica, value)
+    if air_on_device(sim, replica)[0].is_column:
         spin_up(sim.world, sim.coupling, replica, anew)
     else:
         part = sim.setups[replica].coupling.partition
@@ -120,7 +120,7 @@ def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
 
 def air_profile(sim: Simulation, replica: int) -> AirProfile:
     """The air of one replica, layer by layer; of a grid the means over its columns."""
-    air, setup = air_of(sim, replica)
+    air, setup = air_on_device(sim, replica)
 
     def inner(field: Any) -> Floats:
         return download_field(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))

@@ -17,7 +17,7 @@ from taichi_erosion.api.prompt import execute
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.observables import patch_of
-from taichi_erosion.measures.wind_bed import sand_flux_of_frame
+from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.simulation import snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -30,7 +30,7 @@ LONG = 120.0  # s of wall time: what takes longer will not come
 def page(tmp_path_factory):
     """A page of a small scene, with its state at the beginning."""
     session = live.open_session(SCENES / "column_collapse.toml", ("grains.count=60",))
-    live.save(session, "begin")
+    live.save_state_as(session, "begin")
     return serve_page(session, tmp_path_factory.mktemp("page") / "session.txt", Lock())
 
 
@@ -48,7 +48,7 @@ def at_the_beginning(request):
         "",
     )
     with page.turn:
-        live.restore(page.session, "begin")
+        live.restore_saved_state(page.session, "begin")
         page.session.states.clear()
         page.session.keep_at = 0.0
 
@@ -123,7 +123,7 @@ def test_it_plays_to_a_time_pauses_and_notes_what_it_did(page):
 def test_run_until_rest_ends_at_rest(page):
     send(page, "run until rest")
     wait_until(page, lambda now: not now["playing"])
-    assert live.is_at_rest(page.session)
+    assert live.is_session_at_rest(page.session)
     assert send(page, "stage") == "stage collapse begins"
     assert state(page)["stage"] == 1
 
@@ -172,11 +172,11 @@ def test_kept_states_thin_out_where_they_fill_the_memory(page, monkeypatch):
     monkeypatch.setattr(live, "KEEP_EVERY", 0.0)
     monkeypatch.setattr(live, "KEEP_SHARE", pages.inf)
     send(page, "step 5")
-    monkeypatch.setattr(live, "KEEP_BYTES", 6.5 * live.memory(page.session.states))
+    monkeypatch.setattr(live, "KEEP_BYTES", 6.5 * live.bytes_of_kept_states(page.session.states))
     for _ in range(30):
         send(page, "step 5")
     times = [kept[0].time for kept in page.session.states]
-    assert live.memory(page.session.states) <= live.KEEP_BYTES
+    assert live.bytes_of_kept_states(page.session.states) <= live.KEEP_BYTES
     assert times[0] == 0.0
     assert times == sorted(times)
 
@@ -184,7 +184,7 @@ def test_kept_states_thin_out_where_they_fill_the_memory(page, monkeypatch):
 def test_a_failure_pauses_tells_and_leaves_the_last_good_state(page):
     send(page, "step 30")
     with page.turn:
-        live.keep_state(page.session, is_due=True)
+        live.keep_present_state(page.session, is_due=True)
     good = page.session.time
     page.session.state.failure = Failure(Status.OVERLAP, good, 7, 9, 0.31)
     status, text, _ = request(page, "command", "play")
@@ -217,7 +217,7 @@ def test_a_page_that_is_gone_leaves_the_run_paused_saved_and_as_a_script(page, i
         there = snapshot(page.session.sim, 0)
         assert not page.playing
         assert page.session.saved["last"][0].time == page.session.time
-        live.restore(page.session, "begin")
+        live.restore_saved_state(page.session, "begin")
         execute(page.session, f"script {page.script}")
         assert np.array_equal(snapshot(page.session.sim, 0).position, there.position)
     assert request(page, "state", owner="another tab")[0] == 200, "the next page steers"
@@ -258,8 +258,8 @@ def test_grains_fly_when_the_wind_is_raised(tmp_path):
     send(page, "set wind.friction_velocity 0.05")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    calm = sand_flux_of_frame(snapshot(session.sim, 0), patch_of(session.scene))
+    calm = flux_of(snapshot(session.sim, 0), patch_of(session.scene))
     send(page, "set wind.friction_velocity 1.0")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    assert sand_flux_of_frame(snapshot(session.sim, 0), patch_of(session.scene)) > 3.0 * abs(calm)
+    assert flux_of(snapshot(session.sim, 0), patch_of(session.scene)) > 3.0 * abs(calm)

@@ -151,7 +151,7 @@ def test_grains_of_a_state_that_knew_no_memory_enter_now(sim):
 
 def drawn(sim: Simulation, pull: float, time: float) -> float:
     """Height of the grain over the plate [m] after gravity has drawn it upwards with a force [N]."""
-    simulation.set_gravity(sim, PLACE["lying"], (0.0, 0.0, pull / MASS))
+    simulation.set_replica_gravity(sim, PLACE["lying"], (0.0, 0.0, pull / MASS))
     go(sim, time, "lying")
     return float(simulation.snapshot(sim, PLACE["lying"]).position[0, 2])
 

@@ -22,7 +22,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.execution import scene_run as scene_run_module
-from taichi_erosion.execution.checkpoint import Checkpointer, restore_run, run_state
+from taichi_erosion.execution.checkpoint import Checkpointer, restore_run_state, run_state
 from taichi_erosion.execution.ensemble_loop import EnsembleRun
 from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.execution.threshold_search import ThresholdSearch, Trial
@@ -121,7 +121,7 @@ def searched(windy, folder) -> dict[str, Any]:
         def save(now: EnsembleRun) -> None:
             for phase, cut in CUTS.items():
                 if now.time == pytest.approx(cut):
-                    Checkpointer(folder / f"{phase}.npz", 1.0, meta).save(now)
+                    Checkpointer(folder / f"{phase}.npz", 1.0, meta).save_ensemble(now)
 
         run_ensemble(ensemble, [*callbacks, save])
 
@@ -176,7 +176,7 @@ def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):
     saved = run_state(SimpleNamespace(states=[before], checks=80, grain_steps=1e3))  # type: ignore[arg-type]
     save_checkpoint(tmp_path / "state.npz", *saved)
     resumed = SimpleNamespace(scenes=scenes)
-    restore_run(resumed, *load_checkpoint(tmp_path / "state.npz"))  # type: ignore[arg-type]
+    restore_run_state(resumed, *load_checkpoint(tmp_path / "state.npz"))  # type: ignore[arg-type]
     assert (resumed.checks, resumed.grain_steps) == (80, 1e3)
     np.testing.assert_equal(asdict(resumed.states[0]), asdict(before))
 
@@ -185,7 +185,7 @@ def test_a_checkpoint_that_cannot_be_written_is_told_once_and_the_run_goes_on(mo
     def refuse(*_: Any) -> None:
         raise BadInput("run.npz: the checkpoint cannot be written (No space left on device)")
 
-    monkeypatch.setattr(Checkpointer, "save", refuse)
+    monkeypatch.setattr(Checkpointer, "save_ensemble", refuse)
     checkpointer, state = Checkpointer(Path("run.npz"), 0.1, {}), ReplicaState(0)
     for now in (0.5, 0.6):
         checkpointer(SimpleNamespace(time=now, states=[state]))  # type: ignore[arg-type]

@@ -14,7 +14,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import ensemble_loop
-from taichi_erosion.execution.ensemble_loop import count_failure, failure_message
+from taichi_erosion.execution.ensemble_loop import failure_message, failure_of_lost_grains
 from taichi_erosion.simulation import assemble
 
 ROOT = Path(__file__).parents[2]
@@ -87,6 +87,6 @@ def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
     for damage, _ in DAMAGES:
         changed = replace(state, **damage(state))
         monkeypatch.setattr(ensemble_loop.simulation, "snapshot", lambda *place, changed=changed: changed)
-        found.append(count_failure(sim, 0, 0.002))
+        found.append(failure_of_lost_grains(sim, 0, 0.002))
     stop_device()
     assert [end and end.status for end in found] == [status for _, status in DAMAGES]

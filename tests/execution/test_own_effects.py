@@ -41,7 +41,7 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     hashed = scene_hash(read_scene(scene, ON))
     (scene.parent / "glue.py").unlink()
     received = []
-    monkeypatch.setattr(ensemble, "run_replicas_after", lambda _, parts, *rest: received.extend(parts))
+    monkeypatch.setattr(ensemble, "run_replicas_reusing_buffers", lambda _, runs, *__: received.extend(runs))
     with simulating() as run:
         run([asked.payload], lambda place, record: None)
     (part,) = received

@@ -15,7 +15,7 @@ def test_a_disk_that_fills_up_ends_the_recording_whole_and_not_the_run(monkeypat
     monkeypatch.setattr(recorder.stream, "is_disk_nearly_full", lambda _: True)
     monkeypatch.setattr(recorder.stream, "log_text", lambda *_: None)
     monkeypatch.setattr(recorder.stream, "close", closed.append)
-    monkeypatch.setattr(recorder, "record_frame", lambda *_: pytest.fail("still recording"))
+    monkeypatch.setattr(recorder, "record_frame_and_picture", lambda *_: pytest.fail("still recording"))
     recording = SimpleNamespace(path=tmp_path / "few.rrd")
     open_recorder = SimpleNamespace(replica=0, interval=0.01, recording=recording)
     ensemble = SimpleNamespace(time=0.5, states=[ReplicaState(0)])
@@ -29,7 +29,7 @@ def test_files_that_cannot_be_finished_cost_no_result(monkeypatch):
     def refuse(*_: Any) -> Any:
         raise BadInput("few.gif: cannot be written (No space left on device)")
 
-    monkeypatch.setattr(recorder, "write_pictures", refuse)
+    monkeypatch.setattr(recorder, "write_silhouettes_and_film", refuse)
     record = {"seed": 1, "measures": {"height": {"value": 1.0}}, "warnings": ["flank not straight"]}
     unwritten = SimpleNamespace(recording=SimpleNamespace(path="few.rrd"))
     assert recorder.finish_recording(unwritten, None, record, {}) == {}  # type: ignore[arg-type]

@@ -46,7 +46,7 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("restart")
     scene = write_scene(folder, run={"replicas": 1})
     with pytest.MonkeyPatch.context() as patch:
-        save = Checkpointer.save
+        save = Checkpointer.save_ensemble
         patch.setattr(Checkpointer, "__call__", lambda own, now: isclose(now.time, CUT) and save(own, now))
         kept = {"checkpoint": folder / "cut.npz", "checkpoint_interval": 1.0}
         run_scene(scene, RunOptions(threads=1, record=folder / "whole.rrd", **kept))

@@ -15,7 +15,7 @@ from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.execution import RunOptions, run_scene, scene_run
 from taichi_erosion.execution.checks import library_of, read_scene
-from taichi_erosion.execution.scene_run import assemble_run, deferred_signals
+from taichi_erosion.execution.scene_run import assemble_run, defer_signals
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.scene.load import SCENES
 
@@ -93,10 +93,10 @@ def test_an_unwritable_folder_is_told_before_the_device_starts(scene, unwritable
 def test_a_signal_is_heard_at_the_next_check(number, before, end):
     kept = signal.signal(number, before)
     try:
-        with deferred_signals() as pending:
+        with defer_signals() as pending:
             os.kill(os.getpid(), number)  # it does not strike in the middle of something
             with end:
-                pending.raise_pending()
+                pending.raise_first_signal()
         assert signal.getsignal(number) == before
     finally:
         signal.signal(number, kept)

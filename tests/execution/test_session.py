@@ -17,7 +17,7 @@ from taichi_erosion.execution import session as live
 from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.recorder import present_walls
-from taichi_erosion.measures.wind_bed import sand_flux_of_frame
+from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
@@ -30,15 +30,15 @@ FEW = ("grains.count=60",)
 def opened():
     """A session whose kernels are compiled once, with its state at the beginning."""
     session = live.open_session(SCENES / "column_collapse.toml", FEW)
-    live.save(session, "begin")
+    live.save_state_as(session, "begin")
     return session
 
 
 @pytest.fixture
 def session(opened):
     """The session at its beginning, as if it had just been opened."""
-    live.restore(opened, "begin")
-    live.save(opened, "begin")  # of the present buffers: an effect may have been built in
+    live.restore_saved_state(opened, "begin")
+    live.save_state_as(opened, "begin")  # of the present buffers: an effect may have been built in
     for kept in (opened.history, opened.callbacks, opened.watched):
         kept.clear()
     for name in set(opened.saved) - {"begin"}:
@@ -47,30 +47,30 @@ def session(opened):
 
 
 def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
-    live.run_for(session, 0.01)
-    live.step(session, 3)
+    live.run_for_seconds(session, 0.01)
+    live.run_session_steps(session, 3)
     assert session.time == pytest.approx(0.01 + 3 * session.time_step)
     assert live.run_until_rest(session)
-    assert live.next_stage(session) == "collapse"
-    live.run_for(session, 0.2)
+    assert live.begin_next_stage(session) == "collapse"
+    live.run_for_seconds(session, 0.2)
     assert live.measure_now(session)["pile_height"].value > 0.0
     with pytest.raises(BadInput, match="last one"):
-        live.next_stage(session)
+        live.begin_next_stage(session)
 
 
 def test_air_without_inertia_settles_at_every_check_of_its_stage(session, monkeypatch) -> None:
     settled = []
-    monkeypatch.setattr(stages, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
-    live.run_for(session, 2.0 * session.scene.run.check_interval)
+    monkeypatch.setattr(stages, "set_steady_air_profile", lambda _, stage, k: settled.append(stage.name))
+    live.run_for_seconds(session, 2.0 * session.scene.run.check_interval)
     assert settled == [session.scene.stages[0].name] * 2
 
 
 def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles_nothing(session) -> None:
     world = session.sim.world
-    live.run_for(session, 2e-3)
+    live.run_for_seconds(session, 2e-3)
     assert live.set_entry(session, "gravity.magnitude", "0.0").endswith("at once")
     before = snapshot(session.sim, 0)
-    live.run_for(session, 1e-3)
+    live.run_for_seconds(session, 1e-3)
     after = snapshot(session.sim, 0)
     free = (before.contacts == 0) & (after.contacts == 0)
     # a thousandth of a second of gravity would change the fall of a free grain by 1e-2 m/s
@@ -79,32 +79,32 @@ def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles
 
 
 def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
-    live.run_for(session, 5e-3)
-    live.save(session, "there")
-    live.run_for(session, 5e-3)
+    live.run_for_seconds(session, 5e-3)
+    live.save_state_as(session, "there")
+    live.run_for_seconds(session, 5e-3)
     once = snapshot(session.sim, 0).position
     live.set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
-    live.restore(session, "there")
+    live.restore_saved_state(session, "there")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
-    live.run_for(session, 5e-3)
+    live.run_for_seconds(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
 
 
 def test_the_history_is_a_script_that_gives_the_same_bits_however_the_run_was_divided(session) -> None:
     friction = "contact.grain-grain.friction_rolling"
-    live.run_for(session, 0.0123)
-    live.save(session, "there")
+    live.run_for_seconds(session, 0.0123)
+    live.save_state_as(session, "there")
     live.set_entry(session, "gravity.magnitude", "0.5")  # not in the history of what follows
-    live.run_for(session, 2e-3)
-    live.restore(session, "there")
+    live.run_for_seconds(session, 2e-3)
+    live.restore_saved_state(session, "there")
     for part in (1e-4, 7.3e-4, 0.0041):
-        live.run_for(session, part)
+        live.run_for_seconds(session, part)
     prompt.execute(session, f"set {friction} 0.3")
     prompt.execute(session, "stage")
     prompt.execute(session, "step 40")
     once, lines = snapshot(session.sim, 0), list(session.history)
     assert [line.split()[0] for line in lines] == ["run", "set", "stage", "run"]
-    live.restore(session, "begin")
+    live.restore_saved_state(session, "begin")
     assert session.history == []
     for line in lines:
         prompt.execute(session, line)
@@ -115,14 +115,14 @@ def test_the_history_is_a_script_that_gives_the_same_bits_however_the_run_was_di
 
 
 def test_a_session_that_has_failed_stays_until_it_returns_to_a_saved_state(session) -> None:
-    live.save(session, "good")
+    live.save_state_as(session, "good")
     session.state.failure = Failure(Status.OVERLAP, 0.0, 7, 9, 0.31)
     for _ in range(2):
         with pytest.raises(SimulationStopped, match="grain 7 overlaps grain 9"):
-            live.run_for(session, 1e-3)
+            live.run_for_seconds(session, 1e-3)
     assert session.time == 0.0
-    live.restore(session, "good")
-    live.run_for(session, 1e-3)
+    live.restore_saved_state(session, "good")
+    live.run_for_seconds(session, 1e-3)
     assert session.time == 1e-3
 
 
@@ -140,13 +140,13 @@ def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
     assert live.set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
     assert session.sim.world is world
     assert live.set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
-    live.run_for(session, 1e-3)
+    live.run_for_seconds(session, 1e-3)
 
 
 def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(session) -> None:
-    live.run_for(session, 0.02)
+    live.run_for_seconds(session, 0.02)
     prompt.execute(session, "insert 3 at 0.0 0.0 0.008")
-    live.run_for(session, 0.05)
+    live.run_for_seconds(session, 0.05)
     before, (x, y, z) = contact_network(session.sim, 0), snapshot(session.sim, 0).position[61]
     with pytest.raises(BadInput, match="lies there already"):
         prompt.execute(session, f"insert 1 at {x} {y} {z}")
@@ -156,16 +156,16 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     assert 0 < len(after.first) < len(before.first)
     assert np.array_equal([after.first, after.second], [before.first[stays], before.second[stays]])
     np.testing.assert_allclose(after.force, before.force[stays], rtol=1e-4, atol=1e-9)
-    live.run_for(session, 0.01)
+    live.run_for_seconds(session, 0.01)
     now, lines = snapshot(session.sim, 0), list(session.history)
     assert (set(range(63)) - set(now.ident), now.removed) == ({5, 61}, 2)
     for command in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0".split(";"):
         with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|one sphere or more|usage"):
             prompt.execute(session, command)
     for count in (63, 60):
-        live.undo(session)
+        live.undo_latest_change(session)
         assert len(snapshot(session.sim, 0).ident) == count
-    live.restore(session, "begin")
+    live.restore_saved_state(session, "begin")
     for line in lines:
         prompt.execute(session, line)
     assert np.array_equal(snapshot(session.sim, 0).position, now.position)
@@ -173,18 +173,18 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
 
 def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
     recorder = live.record_session(session, tmp_path / "walls.rrd")
-    live.run_for(session, 0.002)
-    live.save(session, "tube stands")
+    live.run_for_seconds(session, 0.002)
+    live.save_state_as(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    live.run_for(session, 0.006)
+    live.run_for_seconds(session, 0.006)
     (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
     rise = tube.vertices[:, 2] - next(wall for wall in recorder.walls if wall.name == "tube").vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
-    live.next_stage(session)
-    live.run_for(session, 0.006)
+    live.begin_next_stage(session)
+    live.run_for_seconds(session, 0.006)
     assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
-    live.restore(session, "tube stands")
-    live.run_for(session, 0.006)
+    live.restore_saved_state(session, "tube stands")
+    live.run_for_seconds(session, 0.006)
     path, entity = close(recorder.recording), "world/walls/tube"
     assert read_rows(path, entity, "Clear:is_recursive")
     assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
@@ -230,7 +230,7 @@ def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_pa
     assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
     session.callbacks.append(terminal.Sampler())
     monkeypatch.setattr(terminal, "WATCH_INTERVAL", 3600.0)  # s
-    live.run_for(session, 3.0 * session.scene.run.check_interval)
+    live.run_for_seconds(session, 3.0 * session.scene.run.check_interval)
     (line,) = capsys.readouterr().out.splitlines()  # once an interval of wall time
     assert re.fullmatch(r"[\d.e-]+ s  kinetic_J [\d.e-]+ J  pile_height [\d.e-]+ m", line)
     assert len(session.samples) == 3, "what is kept for plots is kept at every check"
@@ -246,10 +246,10 @@ def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_pa
 def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) -> None:
     path = "contact.grain-grain.friction_rolling"
     assert "grains.count: " in prompt.execute(session, "diff"), "what --set changed is a difference too"
-    live.save(session, "before")
+    live.save_state_as(session, "before")
     live.set_entry(session, path, "0.3")
     assert prompt.execute(session, "diff before") == f"{path}: 0.12 -> 0.3"
-    live.save(session, "after")
+    live.save_state_as(session, "after")
     assert prompt.execute(session, "diff before after") == f"{path}: 0.12 -> 0.3"
     assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
@@ -259,10 +259,10 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
 def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> None:
     session = live.open_session(SCENES / "incline.toml")
     while not session.scene.stages[session.state.stage].tilt_rate:
-        live.next_stage(session)
+        live.begin_next_stage(session)
     for magnitude in (9.81, 3.7):
         live.set_entry(session, "gravity.magnitude", str(magnitude))
-        live.run_for(session, 2.0 * session.scene.run.check_interval)
+        live.run_for_seconds(session, 2.0 * session.scene.run.check_interval)
         gravity = export_state(session.sim)["gravity"][0]
         assert np.linalg.norm(gravity) == pytest.approx(magnitude, rel=1e-6)  # in single precision
         assert np.linalg.norm(gravity[:2]) > 0.0
@@ -275,18 +275,18 @@ SMALL_PATCH = tuple(
 
 
 def flux(session) -> float:
-    return sand_flux_of_frame(snapshot(session.sim, 0), patch_of(session.scene))
+    return flux_of(snapshot(session.sim, 0), patch_of(session.scene))
 
 
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
     session = live.open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
     recorder = live.record_session(session, tmp_path / "wind.rrd")
     live.set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
-    live.run_for(session, 0.004)
+    live.run_for_seconds(session, 0.004)
     world, calm = session.sim.world, flux(session)
     assert live.set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
     assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
-    live.run_for(session, 0.004)
+    live.run_for_seconds(session, 0.004)
     assert session.sim.world is world
     # what moves in the calm are grains that still settle, which dies away; the wind pulls on
     assert flux(session) > 3.0 * abs(calm)

@@ -13,9 +13,9 @@ from taichi_erosion.execution.threshold_search import (
     NEXT_WIND,
     ThresholdSearch,
     Trial,
-    carry_off,
-    record_motion,
-    trial_outcome,
+    does_bed_move,
+    lift_grains_that_left_bed,
+    record_grain_motion,
 )
 from taichi_erosion.scene import Scene, load_scene
 
@@ -85,13 +85,13 @@ def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene)
     search.trial.start = search.trial.last = np.array([[1e-6, 0.0, 0.0], [1e-4, 0.0, 0.0]])
     far = 1.1 * search.diameter
     moved = np.array([[scene.wind.length - 1e-6, 0.0, 0.0], [1e-4, far, 0.0]])
-    record_motion(search, snapshot_of(moved))
+    record_grain_motion(search, snapshot_of(moved))
     assert search.trial.rolling.tolist() == [False, True]
     assert not search.trial.risen.any()
-    record_motion(search, snapshot_of(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
+    record_grain_motion(search, snapshot_of(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
     assert search.trial.risen.tolist() == [True, False]
     # what once rolled has rolled, also after the wind has brought it back
-    record_motion(search, snapshot_of(search.trial.start))
+    record_grain_motion(search, snapshot_of(search.trial.start))
     assert search.trial.rolling.tolist() == [False, True]
 
 
@@ -99,18 +99,18 @@ def test_a_bed_is_at_rest_early_only_in_a_steady_wind_and_moves_with_the_grains_
     search = ThresholdSearch(scene, {}, trial(0.2))
     search.phase, search.trial.largest_motion = "hold", 0.0
     half = 0.5 * scene.threshold.hold
-    assert trial_outcome(search, half, steady=True) is False
-    assert trial_outcome(search, half, steady=False) is None
-    assert trial_outcome(search, scene.threshold.hold, steady=False) is False
+    assert does_bed_move(search, half, steady=True) is False
+    assert does_bed_move(search, half, steady=False) is None
+    assert does_bed_move(search, scene.threshold.hold, steady=False) is False
     search.trial.largest_motion = search.diameter
-    assert trial_outcome(search, half, steady=True) is None
+    assert does_bed_move(search, half, steady=True) is None
     # it moves when as many grains left as are asked for: one percent of 25 by 8 diameters are two, not three
     search = ThresholdSearch(load_scene(SCENE.with_name("quartz_wind.toml")), {}, trial(0.2, grains=10))
     search.phase = "hold"
     search.trial.risen = np.arange(10) < 1
-    assert trial_outcome(search, 0.0, steady=True) is None
+    assert does_bed_move(search, 0.0, steady=True) is None
     search.trial.risen = np.arange(10) < 2
-    assert trial_outcome(search, 0.0, steady=True) is True
+    assert does_bed_move(search, 0.0, steady=True) is True
 
 
 def test_grains_that_left_are_carried_off_before_they_land(scene: Scene, monkeypatch: pytest.MonkeyPatch):
@@ -124,9 +124,9 @@ def test_grains_that_left_are_carried_off_before_they_land(scene: Scene, monkeyp
     monkeypatch.setattr(threshold_search, "export_bed", lambda *_: bed)
     monkeypatch.setattr(threshold_search, "air_profile", lambda *_: air)
     monkeypatch.setattr(threshold_search, "import_bed", lambda *words: beds.append(words[2]))
-    carry_off(cast(Any, None), 0, search)
+    lift_grains_that_left_bed(cast(Any, None), 0, search)
     assert beds[0]["origin"][:, 2] == pytest.approx(height * np.array([0.2, 0.9, 0.6, 0.9]))
     assert beds[0]["velocity"].tolist() == [[1, 1, 1], [3, 0, 0], [3, 0, 0], [1, 1, 1]]
     search.trial.last = beds[0]["origin"][np.argsort(order)]
-    carry_off(cast(Any, None), 0, search)
+    lift_grains_that_left_bed(cast(Any, None), 0, search)
     assert len(beds) == 1

@@ -10,7 +10,7 @@ from taichi_erosion.core.transfer import download_field
 from taichi_erosion.grains import partition
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import advance, assemble, capacities, export_state, snapshot
-from taichi_erosion.simulation.control import make_stale
+from taichi_erosion.simulation.control import request_rebuild_and_wake
 
 LAWS = Laws(rolling="elastic_plastic")
 ALONE = 20.0  # m from the others
@@ -83,7 +83,7 @@ def test_partitions_take_as_long_as_each_other_where_they_hold_unequal_numbers_o
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     advance(sim, [FALLEN])
     before = export_state(sim)
-    make_stale(sim, 0)
+    request_rebuild_and_wake(sim, 0)
     advance(sim, [FALLEN + sim.setups[0].time_step])
     after = export_state(sim)
     stop_device()

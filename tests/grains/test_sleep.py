@@ -73,7 +73,7 @@ def nights() -> dict[str, Any]:
         hit.append(np.count_nonzero(asleep(sim)))
     simulation.advance(sim, [2.0 * SETTLED])
     calmed = asleep(sim)
-    simulation.set_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
+    simulation.set_replica_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
     tilted = asleep(sim)
     stop_device()
     return locals()

@@ -11,9 +11,9 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, PrimitiveTable, Setup, Surface
 from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import assemble, energies, export_state, reuse_or_assemble, set_contacts
-from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.assemble import reallocate_fields
 from taichi_erosion.simulation.capacities import initial_capacities
-from taichi_erosion.simulation.step import release_first
+from taichi_erosion.simulation.step import release_grains_before_start
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
@@ -104,8 +104,8 @@ def test_room_that_stays_empty_changes_no_bit_of_a_result():
     sim = assemble([row(2), row(3)], LAWS, NUMERICS)
     start = export_state(sim)
     roomy = ends(sim, UNTIL)
-    reallocate(sim, replace(sim.capacities, replicas=2, grains=3, primitives=1, surfaces=1))
-    release_first(sim.world)
+    reallocate_fields(sim, replace(sim.capacities, replicas=2, grains=3, primitives=1, surfaces=1))
+    release_grains_before_start(sim.world)
     assert export_state(sim)["released"].tolist() == start["released"].tolist()
     assert ends(sim, UNTIL) == roomy
     assert energies(sim).shape[0] == 2

@@ -26,7 +26,7 @@ from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
 from taichi_erosion.core.transfer import download_field
 from taichi_erosion.simulation import Simulation
-from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.assemble import reallocate_fields
 from taichi_erosion.simulation.grain_decomposition import step
 
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
@@ -216,7 +216,7 @@ def test_a_state_of_clumps_goes_on_with_one_thread_per_grain():
 def test_a_resumed_run_and_lists_that_grow_change_no_bit():
     sim = simulation.assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
     short = 2 * sim.capacities.grains
-    reallocate(sim, replace(sim.capacities, pairs=short, wall_pairs=64))  # the heap wants more
+    reallocate_fields(sim, replace(sim.capacities, pairs=short, wall_pairs=64))  # the heap wants more
     simulation.advance(sim, [HALF])
     assert sim.capacities.pairs > short
     state = simulation.export_state(sim)
@@ -237,11 +237,11 @@ def phases(sim: Simulation) -> int:
 
 def test_the_host_starts_hundreds_of_steps_at_once_and_a_step_takes_few_stages(monkeypatch):
     launches = []
-    run_together = step.run_together
+    run_together = step.run_steps_in_one_kernel
     monkeypatch.setattr(step, "run_together", lambda *fields: (launches.append(1), run_together(*fields)))
     sim = simulation.assemble([heap(GRAINS, 1)], ROLLING, Numerics("cpu", 1, "f32", "grains"))
     simulation.advance(sim, [WHOLE])
-    assert simulation.totals(sim, 0).step == 500
+    assert simulation.energy_totals(sim, 0).step == 500
     assert len(launches) <= 500 / 16
     assert phases(sim) <= 6 * 500, "with all lists that are renewed"
 

@@ -13,8 +13,8 @@ from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Status
-from taichi_erosion.execution.ensemble_loop import count_failure
-from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.execution.ensemble_loop import failure_of_lost_grains
+from taichi_erosion.simulation.assemble import reallocate_fields
 from tests.verification.small_scenes import primitive_table
 
 LAWS, HALF, WHOLE = Laws(rolling="elastic_plastic"), 0.02, 0.04  # s
@@ -53,10 +53,10 @@ def test_grains_that_fall_off_a_disc_are_counted_and_the_rest_is_whole_wherever_
     assert not set(end.ident) & set(range(10))  # they fell beside the disc
     assert (end.position > np.subtract(LOW, RADIUS)).all()  # until the next list a grain may be just outside
     assert end.mass.sum() == pytest.approx(1e-6 * len(end.ident))
-    assert count_failure(sim, 0, WHOLE) is None
+    assert failure_of_lost_grains(sim, 0, WHOLE) is None
     simulation.import_state(sim, kept)
     assert ends(sim, WHOLE) == whole
-    reallocate(sim, replace(sim.capacities, pairs=80, wall_pairs=16))  # lists overflow at once
+    reallocate_fields(sim, replace(sim.capacities, pairs=80, wall_pairs=16))  # lists overflow at once
     simulation.import_state(sim, kept)
     assert [fingerprint(simulation.snapshot(sim, r)) for r in range(2)] == half
     assert ends(sim, WHOLE) == whole

@@ -10,7 +10,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.simulation import capacities
-from taichi_erosion.simulation.assemble import reallocate
+from taichi_erosion.simulation.assemble import reallocate_fields
 
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -32,7 +32,7 @@ def alone() -> dict[str, object]:
     numerics = Numerics("cpu", 1)
     sim = simulation.assemble([heap(GRAINS, 1)], LAWS, numerics)
     (half,) = ends(sim, HALF)
-    state, contacts_then = simulation.export_state(sim), simulation.totals(sim, 0).contacts
+    state, contacts_then = simulation.export_state(sim), simulation.energy_totals(sim, 0).contacts
     (end,) = ends(sim, WHOLE)
     simulation.import_state(sim, state)
     back = fingerprint(simulation.snapshot(sim, 0))
@@ -76,11 +76,11 @@ def test_grains_of_two_materials_move_as_grains_of_one_where_their_contacts_are_
 def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     sim = simulation.assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     tiny = replace(sim.capacities, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
-    reallocate(sim, tiny)
+    reallocate_fields(sim, tiny)
     simulation.advance(sim, [HALF])
     grown, half = sim.capacities, fingerprint(simulation.snapshot(sim, 0))
     # a checkpoint of grown lists meets a fresh run; both lists halved grow to what has been compiled above
-    reallocate(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
+    reallocate_fields(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
     simulation.import_state(sim, alone["state"])
     simulation.advance(sim, [WHOLE])
     end = fingerprint(simulation.snapshot(sim, 0))

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.simulation.schedule import Schedule, assign_steps
+from taichi_erosion.simulation.schedule import Schedule, assign_steps_to_workers
 
 steps_of_replicas = st.lists(st.integers(0, 5000), min_size=1, max_size=12)
 workers_present = st.integers(1, 8)
@@ -18,7 +18,7 @@ def parts(assignment: Schedule) -> list[list[tuple[int, int, int]]]:
 
 @given(steps_of_replicas, workers_present)
 def test_every_step_is_assigned_once_and_no_worker_meets_a_replica_twice(steps, workers):
-    assignment = assign_steps(np.array(steps, np.int32), workers)
+    assignment = assign_steps_to_workers(np.array(steps, np.int32), workers)
     assigned = np.zeros(len(steps), int)
     np.add.at(assigned, np.array(assignment.replica, int), assignment.steps)
     assert assigned.tolist() == steps
@@ -35,7 +35,7 @@ def test_every_step_is_assigned_once_and_no_worker_meets_a_replica_twice(steps, 
 @given(steps_of_replicas, workers_present)
 def test_no_schedule_could_end_sooner(steps, workers):
     # McNaughton: the longest replica, or the equal share of all; here workers wait as they do on the device
-    assignment = assign_steps(np.array(steps, np.int32), workers)
+    assignment = assign_steps_to_workers(np.array(steps, np.int32), workers)
     ended: dict[tuple[int, int], int] = {}
     clocks, todo = [0] * workers, [list(part) for part in parts(assignment)]
     while any(todo):

@@ -77,9 +77,9 @@ def test_larger_teams_are_tried_less_and_less_often_and_come_back_for_good(monke
 
 def test_a_result_says_how_many_threads_were_at_work(monkeypatch):
     machine = Machine(monkeypatch)
-    assert module.mean_threads(machine.team) == {}
+    assert module.mean_team_size(machine.team) == {}
     machine.launches(4 * LAUNCH, free=1.0)
-    assert module.mean_threads(machine.team) == {"threads_mean": 1.25}  # two in the first of four launches
+    assert module.mean_team_size(machine.team) == {"threads_mean": 1.25}  # two in the first of four launches
 
 
 def test_a_partner_is_late_after_a_millisecond_or_half_a_step():

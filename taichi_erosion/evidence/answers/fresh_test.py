@@ -123,7 +123,7 @@ def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
     return model.axis_numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
 
 
-def rounded(race: Race, fit: Fit) -> Setting:
+def run_setting(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
     setting = race.prepared.predictor.parameters_and_strengths(*setting_at(race, fit))
     numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in setting)
@@ -175,7 +175,7 @@ def fresh_test(
     """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
     race = posterior.race
     kinds, requests = answer_and_rivals(race, decision), race.prepared.predictor.row_requests
-    settings, part = [rounded(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
+    settings, part = [run_setting(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
     campaign = first = simulate(settings, requests, distance_to_rivals(race, kinds), progress)
     if not campaign.runs:
         return FreshPart("not_made", kinds[0].acting, needed=len(campaign.keys)), frozenset()
@@ -265,7 +265,7 @@ def simulate_untrained_rows(
     tells its own scatter, so that what is said of it does not depend on the others.
     """
     race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
-    point, keys, cells = rounded(race, race.bare), frozenset[str](), condition_cells(rows)
+    point, keys, cells = run_setting(race, race.bare), frozenset[str](), condition_cells(rows)
     new = untrained_rows(simulator, predictor, point)[race.prepared.rows.size :]
     sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
     mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]

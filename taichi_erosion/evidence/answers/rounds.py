@@ -22,7 +22,7 @@ from taichi_erosion.evidence.answers.fresh_test import (
     after_runs,
     answer_and_rivals,
     fresh_test,
-    rounded,
+    run_setting,
     simulate_untrained_rows,
 )
 from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocked
@@ -65,7 +65,7 @@ class StudyInference:
         """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
         points = []
         for fit in fits:
-            setting = rounded(self.posterior.race, fit)
+            setting = run_setting(self.posterior.race, fit)
             acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
             numbers = setting.parameters.items()
             acting |= {str(effect_at(path)): value for path, value in numbers if is_strength(path)}

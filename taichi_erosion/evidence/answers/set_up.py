@@ -16,7 +16,7 @@ from taichi_erosion.evidence.models.load_study import Study, first_study_of_adop
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_mistake_text
-from taichi_erosion.execution.observables import small_heap
+from taichi_erosion.execution.observables import why_heap_is_too_small
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.number_words import plain
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
@@ -64,7 +64,7 @@ def small_heap_faults(study: Study) -> Iterator[SetUpFault]:
     for name, measure in simulator.measures.items():
         factor = conversion(parse_unit(measure.unit), parse_unit("deg")) or 1.0
         angles = factor * table.value[np.array(table.observable) == name]
-        words = small_heap(simulator.load_scene_at(measure.scene), measure.measure, angles)
+        words = why_heap_is_too_small(simulator.load_scene_at(measure.scene), measure.measure, angles)
         if words and not study.file.observables[name].same_size:
             yield SetUpFault("too_small", name, f"{name}: {words}", True)
 

@@ -113,7 +113,7 @@ def barrier(buffers_out: ti.template(), thread, phase):
 
 
 @ti.func
-def sort_run(numbers_out: ti.template(), begin, count, stride):
+def insertion_sort(numbers_out: ti.template(), begin, count, stride):
     """Sort a few numbers, `stride` places apart, by insertion."""
     for n in range(1, count):
         number = numbers_out[begin + n * stride]

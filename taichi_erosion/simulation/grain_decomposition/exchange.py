@@ -20,27 +20,27 @@ from taichi_erosion.simulation.grain_decomposition.buffers import Stage
 CHUNK = 64  # grains that one thread sums; another number would give other bits
 
 
-def chunk_count(grains: int) -> int:
+def chunks_for_grains(grains: int) -> int:
     """Chunks of a replica of so many grains."""
     return -(-grains // CHUNK)
 
 
 @ti.func
-def is_due(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def is_exchange_due(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """Whether replica r exchanges before the coming step."""
     return buffers.stepping[r] == 1 and world.replicas.step[r] % coupling.exchange.look_steps[r] == 0
 
 
 @ti.func
-def is_first(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def is_first_exchange(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """Whether the coming step of replica r is its first: its exchange is done twice."""
     return buffers.stepping[r] == 1 and world.replicas.step[r] == 0
 
 
 @ti.func
-def may_sleep(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def is_sleep_decided_now(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """Whether sleep is decided now for the grains of replica r."""
-    return is_due(world, coupling, buffers, r) and world.sleep.rest_least[r] > 0
+    return is_exchange_due(world, coupling, buffers, r) and world.sleep.rest_least[r] > 0
 
 
 @ti.func
@@ -51,30 +51,30 @@ def sum_chunk(world_out: ti.template(), coupling_out: ti.template(), buffers: ti
 
 
 @ti.func
-def load_cell(world: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, c):
+def load_air_cell(world: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, c):
     """Residual momentum, void fraction and drag terms of one cell."""
     receive_in_cell(world, coupling_out, r, c)
 
 
 @ti.func
-def advance_air(world: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, _):
+def advance_air_column(world: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, _):
     """The column of replica r at its next exchange."""
     advance_loaded_column(world, coupling_out, r)
 
 
-def compile_gather(updates_state: bool) -> Any:
+def compile_air_force_task(updates_state: bool) -> Any:
     """Task: forces of air and fields on one grain; effects update its state where `updates_state`."""
 
     @ti.func
-    def gather(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+    def gather_air_force(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
         if rank < world_out.replicas.released[r]:
             i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
             gather_grain(world_out, coupling, r, i, updates_state)
 
-    return gather
+    return gather_air_force
 
 
-def compile_sleep(change: Any) -> Any:
+def compile_sleep_task(change: Any) -> Any:
     """Task: one change of `grains.sleep` for one grain."""
 
     @ti.func
@@ -85,8 +85,8 @@ def compile_sleep(change: Any) -> Any:
     return sleep
 
 
-GATHER, GATHER_ONLY = compile_gather(True), compile_gather(False)
-SLEEP = tuple(map(compile_sleep, (count_rest, mark_unsettled, update_sleep_state)))
+GATHER, GATHER_ONLY = compile_air_force_task(True), compile_air_force_task(False)
+SLEEP = tuple(map(compile_sleep_task, (count_rest, mark_unsettled, update_sleep_state)))
 
 
 def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:
@@ -96,11 +96,11 @@ def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:
     """
     grains, stages = world.grains.capacity, []
     if coupling.air is not None:
-        loads = (sum_chunk, chunk_count(grains)), (load_cell, coupling.air.cell_count)
-        stages += [(is_first, task, width) for task, width in (*loads, (GATHER_ONLY, grains))]
-        stages += [(is_due, task, width) for task, width in (*loads, (advance_air, 1))]
+        loads = (sum_chunk, chunks_for_grains(grains)), (load_air_cell, coupling.air.cell_count)
+        stages += [(is_first_exchange, task, width) for task, width in (*loads, (GATHER_ONLY, grains))]
+        stages += [(is_exchange_due, task, width) for task, width in (*loads, (advance_air_column, 1))]
     if world.has_external_forces or world.has_state:
-        stages.append((is_due, GATHER, grains))
+        stages.append((is_exchange_due, GATHER, grains))
     if world.sleeps:
-        stages += [(may_sleep, task, grains) for task in SLEEP]
+        stages += [(is_sleep_decided_now, task, grains) for task in SLEEP]
     return tuple((task,) for task in stages)

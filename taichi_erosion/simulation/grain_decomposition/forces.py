@@ -23,18 +23,18 @@ WALLS = 1  # buffer of the forces of walls; that of pairs is the first
 
 
 @ti.func
-def evaluate_place(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+def pair_at_place(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Force of the pair at place k of the entries of replica r, if there is one."""
     (pairs,) = ti.static((world_out.pairs,))
     if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:
         side = world_out.replicas.side[r]
         e = entry_block(pairs, r, side) + k
         if e < pairs.stop[side_block(world_out.grains, r, side) + k % pairs.stride]:
-            evaluate_entry(world_out, buffers_out, r, k, e)
+            evaluate_pair_entry(world_out, buffers_out, r, k, e)
 
 
 @ti.func
-def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k, e):
+def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r, k, e):
     """Force of the pair of entry e, at place k of replica r, kept for both; its history advances."""
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
     batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
@@ -44,18 +44,18 @@ def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k, e
     if near == 1:
         load_pair(world_out, batch, 0, base, -1)
         evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
-        acts = keep_pair(world_out, buffers_out, batch, r, base, place)
+        acts = store_pair(world_out, buffers_out, batch, r, base, place)
         size, rank = pair_size(batch, 0), batch.owner[0]
         if is_too_deep(world_out.replicas, r, batch.overlap[0], size):
             note_overlap(world_out, buffers_out, r, rank, batch.partner[0], batch.overlap[0] / size, rank)
         if ti.static(world_out.sleeps):
             note_wake(world_out.sleep, base + batch.owner[0], base + batch.partner[0])
     if acts == 0 and buffers_out.acts[place] == 1:
-        clear_pair(buffers_out, place)
+        clear_pair_force(buffers_out, place)
 
 
 @ti.func
-def keep_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place):
+def store_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place):
     """Keep force and torques of an evaluated pair; returns 1 where there are any, else 0."""
     e, acts = batch.entry[0], batch.acts[0]
     force = 0.0 * lane(batch.force, 0)
@@ -79,7 +79,7 @@ def keep_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.te
 
 
 @ti.func
-def clear_pair(buffers_out: ti.template(), place):
+def clear_pair_force(buffers_out: ti.template(), place):
     """Zero force and torques of a pair: sums are taken over all pairs, and wait for no other number."""
     for sum_out in ti.static((buffers_out.force, buffers_out.torque, buffers_out.back)):
         sum_out[place] = ti.Vector.zero(float, 3)
@@ -87,7 +87,7 @@ def clear_pair(buffers_out: ti.template(), place):
 
 
 @ti.func
-def sum_pairs(world_out: ti.template(), buffers: ti.template(), r, rank):
+def sum_pair_forces(world_out: ti.template(), buffers: ti.template(), r, rank):
     """Sum the forces of all pairs of a grain: first its own entries, then its reverse list."""
     grains_out, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     i, row = side_block(grains_out, r, replicas.side[r]) + rank, r * grains_out.capacity + rank
@@ -116,14 +116,14 @@ def note_overlap(world: ti.template(), buffers_out: ti.template(), r, rank, part
 
 
 @ti.func
-def evaluate_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, n):
+def evaluate_wall_forces(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, n):
     """Forces of the walls on one of the grains near them."""
     if n < buffers_out.walled[r]:
-        add_walls(world_out, buffers_out, r, buffers_out.walled_rank[r * world_out.grains.capacity + n])
+        sum_wall_forces(world_out, buffers_out, r, buffers_out.walled_rank[r * world_out.grains.capacity + n])
 
 
 @ti.func
-def add_walls(world_out: ti.template(), buffers_out: ti.template(), r, rank):
+def sum_wall_forces(world_out: ti.template(), buffers_out: ti.template(), r, rank):
     """Forces of all walls on a grain, in a buffer of their own."""
     entries, replicas = ti.static((world_out.wall_pairs, world_out.replicas))
     base = side_block(world_out.grains, r, replicas.side[r])
@@ -150,7 +150,7 @@ def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
     """Sum of the forces of pairs and walls on one grain."""
     grains_out, replicas, entries = ti.static((world_out.grains, world_out.replicas, world_out.wall_pairs))
     if rank < replicas.released[r]:
-        sum_pairs(world_out, buffers, r, rank)
+        sum_pair_forces(world_out, buffers, r, rank)
         i = side_block(grains_out, r, replicas.side[r]) + rank
         if entries.start[i] < entries.stop[i]:
             buffer = force_block(grains_out, replicas, r, 0) + rank
@@ -170,18 +170,18 @@ def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: t
         buffer = force_block(grains_out, replicas, r, 0) + rank
         kick = kick_time(replicas, r, buffers_out.step[r])
         place = ti.select(buffers_out.last[r] == 1, r * grains_out.capacity + rank, -1)
-        ask_for_lists(world_out, buffers_out, r, advance_awake(world_out, r, i, buffer, kick, place))
+        request_new_lists(world_out, buffers_out, r, advance_awake(world_out, r, i, buffer, kick, place))
 
 
 @ti.func
 def move_body(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Motion of one clump: the forces on its spheres are summed in their order."""
     if k < released_bodies(world_out, r):
-        ask_for_lists(world_out, buffers_out, r, advance_clump(world_out, r, k, buffers_out.step[r]))
+        request_new_lists(world_out, buffers_out, r, advance_clump(world_out, r, k, buffers_out.step[r]))
 
 
 @ti.func
-def ask_for_lists(world_out: ti.template(), buffers_out: ti.template(), r, need):
+def request_new_lists(world_out: ti.template(), buffers_out: ti.template(), r, need):
     """Let replica r wait for new lists where a grain has left its skin."""
     if need != 0:
         ti.atomic_max(world_out.replicas.need[r, 0], need)

@@ -30,13 +30,13 @@ from taichi_erosion.grains.neighbour_search import (
 )
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import list_grain
-from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, sort_run
-from taichi_erosion.simulation.grain_decomposition.forces import clear_pair
-from taichi_erosion.simulation.step import count_out, mark_leaving, position_fault, stop_at, swap_sides
+from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, insertion_sort
+from taichi_erosion.simulation.grain_decomposition.forces import clear_pair_force
+from taichi_erosion.simulation.step import count_out, mark_removal, position_fault, stop_at, swap_sides
 
 
 @ti.func
-def is_renewing(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def is_renewing_lists(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """Whether the lists of replica r are renewed now."""
     return buffers.renewing[r] == 1
 
@@ -55,7 +55,7 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
             if rank >= before:
                 release_grain(world_out, r, rank)
             fault, _ = position_fault(world_out, r, rank)
-            leaves = mark_leaving(world_out, r, rank, fault)
+            leaves = mark_removal(world_out, r, rank, fault)
             leaving += leaves
             if fault != 0 and leaves == 0:
                 lost = rank + 1
@@ -77,7 +77,7 @@ def clear_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.te
 
 
 @ti.func
-def fit_grid(world_out: ti.template(), buffers: ti.template(), r):
+def fit_cell_grid(world_out: ti.template(), buffers: ti.template(), r):
     """Grid of cells around the grains of replica r, from the sums of its chunks in their order."""
     (replicas,) = ti.static((world_out.replicas,))
     low, high = replicas.high[r], replicas.low[r]
@@ -104,7 +104,7 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
         stop_at(replicas_out, r, lost, fault, value)
     else:
         if ti.static(not world_out.has_external_forces):
-            fit_grid(world_out, buffers_out, r)
+            fit_cell_grid(world_out, buffers_out, r)
         arrange_axes(cells_out, r)
         number, chunk = cells_out.number[r], 1
         cells = number[0] * number[1] * number[2]
@@ -117,7 +117,7 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
 def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Note the cell of a grain, and count it there: two places on, so that filling leaves the bounds."""
     cells_out, grains = ti.static((world_out.cells, world_out.grains))
-    if is_ready(world_out, r, rank) and is_kept(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
         i = side_block(grains, r, world_out.replicas.side[r]) + rank
         c = grain_cell(cells_out, grains, world_out.replicas, r, i)
         cells_out.cell[r * grains.capacity + rank] = c
@@ -125,13 +125,13 @@ def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
 
 
 @ti.func
-def is_kept(world: ti.template(), r, rank):
+def is_grain_kept(world: ti.template(), r, rank):
     """Whether a grain is not taken out by this rebuild."""
     return world.replicas.leaving[r] == 0 or world.cells.cell[r * world.grains.capacity + rank] != GONE
 
 
 @ti.func
-def end_sort(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, _):
+def drop_removed(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, _):
     """Count out the grains that the sort has left behind."""
     if world_out.replicas.status[r] == 0:
         count_out(world_out.replicas, r, world_out.replicas.leaving[r])
@@ -166,7 +166,7 @@ def bound_cells(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
 def put_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Put a grain at the next free place of its cell."""
     (cells_out,) = ti.static((world_out.cells,))
-    if is_ready(world_out, r, rank) and is_kept(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
         row = r * world_out.grains.capacity
         c = cells_out.cell[row + rank]
         place = ti.atomic_add(cells_out.first[row_of_cells(cells_out, r) + c + 2], 1)
@@ -174,18 +174,18 @@ def put_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
 
 
 @ti.func
-def sort_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, c):
+def sort_one_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, c):
     """Order the grains of a cell by their rank before the sort, as a stable sort does."""
     if world_out.replicas.status[r] == 0 and c < buffers.cells[r]:
         row = r * world_out.grains.capacity
         begin, end = cell_start(world_out.cells, r, c), cell_start(world_out.cells, r, c + 1)
-        sort_run(world_out.cells.order, row + begin, end - begin, 1)
+        insertion_sort(world_out.cells.order, row + begin, end - begin, 1)
 
 
 @ti.func
-def move_sorted(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+def move_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Copy a grain to the other side."""
-    if is_ready(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank):
         move_grain(world_out, r, rank)
 
 
@@ -199,7 +199,7 @@ def clear_partners(world_out: ti.template(), coupling: ti.template(), buffers_ou
 def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Entries of one grain for its partners, with constants and histories, and in their reverse lists."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
-    if is_ready(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         block, stride = entry_block(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
         first, room = block + rank, pairs_out.capacity // stride
@@ -211,12 +211,12 @@ def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: 
         for k in range(entry_number(pairs_out, i)):
             e = first + k * stride
             write_entry(world_out, r, e, rank, pairs_out.neighbour[e])
-            note_partner(world_out, buffers_out, r, e - block, pairs_out.neighbour[e])
-            clear_pair(buffers_out, r * pairs_out.capacity + e - block)
+            add_to_reverse_list(world_out, buffers_out, r, e - block, pairs_out.neighbour[e])
+            clear_pair_force(buffers_out, r * pairs_out.capacity + e - block)
 
 
 @ti.func
-def note_partner(world_out: ti.template(), buffers_out: ti.template(), r, k, j):
+def add_to_reverse_list(world_out: ti.template(), buffers_out: ti.template(), r, k, j):
     """Write the entry at place k to the reverse list of its second grain, of rank j."""
     stride, room = world_out.pairs.stride, world_out.pairs.capacity // world_out.pairs.stride
     number = ti.cast(ti.atomic_add(buffers_out.partners[r * world_out.grains.capacity + j], 1), ti.i32)
@@ -228,9 +228,9 @@ def note_partner(world_out: ti.template(), buffers_out: ti.template(), r, k, j):
 @ti.func
 def sort_partners(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Order the reverse list of a grain by entry."""
-    if is_ready(world, r, rank):
+    if is_rebuilding_grain(world, r, rank):
         number, stride = buffers_out.partners[r * world.grains.capacity + rank], world.pairs.stride
-        sort_run(
+        insertion_sort(
             buffers_out.partner_entry,
             r * world.pairs.capacity + rank,
             ti.min(number, world.pairs.capacity // stride),
@@ -242,7 +242,7 @@ def sort_partners(world: ti.template(), coupling: ti.template(), buffers_out: ti
 def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Entries of one grain for the walls near it."""
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
-    if is_ready(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         entry = entry_block(entries_out, r, 1 - replicas_out.side[r])
         count = list_grain(world_out, r, rank, 0, 0)
@@ -259,7 +259,7 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
 
 
 @ti.func
-def is_ready(world: ti.template(), r, rank):
+def is_rebuilding_grain(world: ti.template(), r, rank):
     """Whether a replica is still being rebuilt and has a grain of that rank."""
     return world.replicas.status[r] == 0 and rank < world.replicas.released[r]
 
@@ -278,12 +278,12 @@ def end_rebuild(world_out: ti.template(), coupling: ti.template(), buffers_out: 
 @ti.func
 def locate_sphere(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Record where the sort has put a sphere of a clump."""
-    if is_ready(world_out, r, rank):
+    if is_rebuilding_grain(world_out, r, rank):
         locate_spheres(world_out, r, rank, rank + 1)
 
 
 @ti.kernel
-def release_at_start(world_out: ti.template()):
+def release_grains_at_start(world_out: ti.template()):
     """Release the grains that are there from the start, one thread a grain.
 
     Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
@@ -304,9 +304,9 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     grains, cells, chunks = world.grains.capacity, world.cells.capacity, buffers.cell_chunks
     survey = ((survey_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_partners, grains))
     tasks = ((prepare_sort, 1), (count_in_cell, grains), (sum_cells, chunks), (bound_cells, chunks))
-    sort = (((put_in_cell, grains),), ((sort_cell, cells), (end_sort, 1)), ((move_sorted, grains),))
+    sort = (((put_in_cell, grains),), ((sort_one_cell, cells), (drop_removed, 1)), ((move_to_place, grains),))
     lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))
     stages = [survey, *((task,) for task in tasks), *sort, lists, end]
     if world.has_clumps:
         stages.append(((locate_sphere, grains),))
-    return tuple(tuple((is_renewing, *task) for task in stage) for stage in stages)
+    return tuple(tuple((is_renewing_lists, *task) for task in stage) for stage in stages)

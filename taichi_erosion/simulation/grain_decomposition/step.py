@@ -8,13 +8,13 @@ from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.grains import World
 from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stage, barrier
-from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, is_due
+from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, is_exchange_due
 from taichi_erosion.simulation.grain_decomposition.forces import (
-    evaluate_place,
-    evaluate_walls,
+    evaluate_wall_forces,
     join_forces,
     move_body,
     move_grain,
+    pair_at_place,
 )
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, advance_clock_and_walls, required_action
@@ -37,7 +37,7 @@ class Stages:
 
 
 @ti.func
-def always(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def act_always(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """For a task that acts on every replica."""
     return True
 
@@ -64,7 +64,7 @@ def decide_action(world_out: ti.template(), coupling: ti.template(), buffers_out
 
 
 @ti.func
-def clear_flags(buffers_out: ti.template()):
+def clear_action_flags(buffers_out: ti.template()):
     """Clear what the next `decide_action` sets for all replicas together."""
     buffers_out.listing[0], buffers_out.exchanging[0], buffers_out.running[0] = 0, 0, 0
 
@@ -74,7 +74,7 @@ def is_exchanging(world: ti.template(), coupling: ti.template(), buffers: ti.tem
     """Whether replica r exchanges with air, fields or states before the coming step."""
     exchanges = False
     if ti.static((world.has_external_forces or world.has_state) and not coupling.host_driven):
-        exchanges = is_due(world, coupling, buffers, r)
+        exchanges = is_exchange_due(world, coupling, buffers, r)
     return exchanges
 
 
@@ -99,7 +99,7 @@ def note_step(world: ti.template(), coupling: ti.template(), buffers_out: ti.tem
 
 
 @ti.func
-def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
+def record_overlap_fault(world_out: ti.template(), buffers_out: ti.template(), r):
     """Record the first overlap beyond the limit of this step, in the order of the grains, pairs first."""
     (replicas_out,) = ti.static((world_out.replicas,))
     order, grains = buffers_out.faulty[r], world_out.grains.capacity
@@ -113,10 +113,10 @@ def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
 
 
 @ti.func
-def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+def close_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """Clock, walls and faults of replica r, and whether it waits for a look."""
     (replicas_out,) = ti.static((world_out.replicas,))
-    note_fault(world_out, buffers_out, r)
+    record_overlap_fault(world_out, buffers_out, r)
     advance_clock_and_walls(world_out, r)
     replicas_out.steps_left[r] = replicas_out.steps_left[r] - 1
     waits = replicas_out.steps_left[r] == 0 or required_action(world_out, r) != 0
@@ -129,16 +129,16 @@ def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.
 def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers) -> Stages:
     """Stages of an ensemble; the same object for the same fields, since a kernel is compiled for it."""
     grains = world.grains.capacity
-    forces = ((is_stepping, evaluate_place, world.pairs.capacity), (always, note_step, 1))
+    forces = ((is_stepping, pair_at_place, world.pairs.capacity), (act_always, note_step, 1))
     if world.walls.primitives:
-        forces = (*forces, (is_stepping, evaluate_walls, grains))
-    motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, end_step, 1)),)
+        forces = (*forces, (is_stepping, evaluate_wall_forces, grains))
+    motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, close_step, 1)),)
     if world.has_clumps:
-        bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, end_step, 1)
+        bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, close_step, 1)
         motion = ((is_moving, join_forces, grains),), bodies
     wait = min(WAIT, world.replicas.count)
     rebuild, exchange = rebuild_stages(world, buffers), exchange_stages(world, coupling)
-    look = ((always, decide_action, 1),)
+    look = ((act_always, decide_action, 1),)
     look_and_steps = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
     return Stages(look, rebuild, exchange, forces, motion, wait, look_and_steps)
 
@@ -184,7 +184,7 @@ def renew_and_exchange(
 
 
 @ti.func
-def advance_together(
+def advance_with_barriers(
     stages: ti.template(),
     world_out: ti.template(),
     coupling_out: ti.template(),
@@ -205,7 +205,7 @@ def advance_together(
                 buffers_out.pending[0] = 0
             phase = run_stage(stages.forces, world_out, coupling_out, buffers_out, thread, phase)
             if thread == 0:
-                clear_flags(buffers_out)
+                clear_action_flags(buffers_out)
             for stage in ti.static(stages.motion):
                 phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
             steps += 1
@@ -213,7 +213,7 @@ def advance_together(
 
 
 @ti.kernel
-def run_together(
+def run_steps_in_one_kernel(
     stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
     """Advance all replicas until none has steps left; the stages write what `simulation.step.run_teams` does.
@@ -222,15 +222,15 @@ def run_together(
     """
     for _ in range(1):
         buffers_out.arrivals[ARRIVAL_SLOT] = 0
-        clear_flags(buffers_out)
+        clear_action_flags(buffers_out)
     ti.loop_config(block_dim=buffers_out.block * buffers_out.lanes)
     for lane in range(buffers_out.blocks * buffers_out.block * buffers_out.lanes):
         if lane % buffers_out.lanes == 0:
-            advance_together(stages, world_out, coupling_out, buffers_out, lane // buffers_out.lanes)
+            advance_with_barriers(stages, world_out, coupling_out, buffers_out, lane // buffers_out.lanes)
 
 
 @ti.kernel
-def run_apart(
+def run_steps_task_by_task(
     stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
     """Look at the lists and advance by `WAIT` steps, task by task, with a thread for each place of a task."""
@@ -250,8 +250,8 @@ def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, step
     """
     stages, places = compile_stages(world, coupling, buffers), world.replicas.count * world.pairs.capacity
     if places < APART_LEAST:
-        run_together(stages, world, coupling, buffers)
+        run_steps_in_one_kernel(stages, world, coupling, buffers)
     else:
         for _ in range(-(-steps // WAIT)):
-            run_apart(stages, world, coupling, buffers)
+            run_steps_task_by_task(stages, world, coupling, buffers)
     ti.sync()

@@ -24,7 +24,7 @@ from taichi_erosion.evidence.answers.fresh_test import (
     confirms,
     fresh_test,
     leaves_mechanisms_open,
-    rounded,
+    run_setting,
 )
 from taichi_erosion.evidence.answers.set_up import small_heap_faults
 from taichi_erosion.evidence.data.problem import SetUpFault
@@ -213,7 +213,8 @@ def test_runs_confirm_what_they_show_and_contradict_what_they_do_not(share, outc
 
 def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_its_place():
     found = on_function(*MECHANISM)
-    (name,), told = found.decision.acting_mechanisms, rounded(found.posterior.race, found.posterior.best_fit)
+    (name,), p = found.decision.acting_mechanisms, found.posterior
+    told = run_setting(p.race, p.best_fit)
     assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
     assert len({own[name] for _, own in told.doses}) > 3
     rival = FreshPart("undecided", (name,), simulated=0.3, rival=("lift",), rivals=0.65)

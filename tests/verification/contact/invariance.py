@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.simulation import totals
+from taichi_erosion.simulation import energy_totals
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
 from tests.verification import small_scenes as small
 from tests.verification.contact import bulk
@@ -139,7 +139,7 @@ def energy_balance() -> Iterator[Outcome]:
         sim, sums = small.simulation_of(setups, precision, LAWS), []
         for time in times:
             small.advance_all(sim, time)
-            parts = [totals(sim, replica) for replica in range(len(setups))]
+            parts = [energy_totals(sim, replica) for replica in range(len(setups))]
             sums.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
         conserved, lost = np.array(sums).T
         error = conserved / conserved[0] - 1.0
