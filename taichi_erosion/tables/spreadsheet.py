@@ -396,8 +396,8 @@ def are_kinds(words: Sequence[str], alike: bool) -> bool:
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row."""
     at, word = [row[k] for k in conditions], next(filter(is_summary, row), "")
-    others = (each for _, each in cells.lines if word not in each)
-    return word if not all(at) or any([each[k] for k in conditions] == at for each in others) else ""
+    rest = (each for _, each in cells.lines if word not in each)
+    return word if word and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""
 
 
 def laboratory_table_digest(table: Path) -> str:

@@ -17,6 +17,7 @@ import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from functools import cached_property
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Any, TypeVar, get_args
 
@@ -259,8 +260,9 @@ class RowReader:
         errors = {name: number.sd for name, number in numbers}  # behind ±
         for each in self.columns_with("condition_sd"):
             errors[each.title] = self.read_positive(line, row, each)
+        set_up = "" if self.has_numbered_rows else self.text(row, "group")
         shared = Row(
-            *(line, "", nan, False, nan, None, "", self.set_up_of_row(row), self.source_of_row(line, row)),
+            *(line, "", nan, False, nan, None, "", set_up, self.source_of_row(line, row)),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
             draw=self.read_vault_draw(line, row),
@@ -395,11 +397,11 @@ class RowReader:
         """Words of a row in the columns of a role."""
         return ", ".join(row[column.place] for column in self.columns_with(role) if row[column.place])
 
-    def set_up_of_row(self, row: Sequence[str]) -> str:
-        """Set-up of a row; empty where the rows of a laboratory's table are numbered, `P 1`, `P 2`."""
+    @cached_property
+    def has_numbered_rows(self) -> bool:
+        """Whether the set-ups of a laboratory's own table number its rows, `P 1`, `P 2`."""
         labels = ["".join(each[c.place] for c in self.columns_with("group")) for _, each in self.cells.lines]
-        numbered = len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
-        return "" if numbered and not self.tidy else self.text(row, "group")
+        return not self.tidy and len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
 
     def source_of_row(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
