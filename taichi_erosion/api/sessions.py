@@ -98,11 +98,11 @@ class LiveSession:
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""
-        from taichi_erosion.recording.export import chain_picture, grain_frame
+        from taichi_erosion.recording.export import force_chain_png, grain_frame
 
         sim, walls = self.session.sim, sessions.present_wall_meshes(self.session)
         frame = grain_frame(simulation.snapshot(sim, 0))
-        picture = chain_picture(frame, simulation.contact_network(sim, 0), walls)
+        picture = force_chain_png(frame, simulation.contact_network(sim, 0), walls)
         return sessions.write_file(self.session, Path(to), picture)
 
     def run(self, seconds: float) -> "LiveSession":

@@ -26,8 +26,8 @@ from taichi_erosion.campaign.pool import (
     Batch,
     FinishedBatch,
     Pool,
-    join_cluster,
     refuse_missing_devices,
+    start_cluster_pool,
     start_pool,
 )
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
@@ -95,7 +95,7 @@ def execute(
     if remaining := unfinished_runs(ledger, list(by_key)):
         archs: set[Arch] = {by_key[key].arch for key in remaining if by_key[key].arch != "cpu"}
         if scheduler:
-            pool = join_cluster(function, ledger.folder, scheduler)
+            pool = start_cluster_pool(function, ledger.folder, scheduler)
         else:
             refuse_missing_devices(archs)
             count = 1 if archs else min(len(remaining), workers or usable_cores())

@@ -80,7 +80,7 @@ def end_with_parent() -> None:
         os._exit(1)
 
 
-def run_here(batch: Batch) -> Records:
+def run_in_local_worker(batch: Batch) -> Records:
     """A batch in a local worker."""
     ((run, ledger),), records = WORKER, Records()
 
@@ -136,7 +136,7 @@ class Pool:
         busy = {executor for _, executor in self.in_flight.values()}
         executor = next(each for each in self.processes if each not in busy)
         try:
-            future = executor.submit(run_here, batch)
+            future = executor.submit(run_in_local_worker, batch)
         except BrokenProcessPool as error:  # it has died since
             future = Future[Records]()
             future.set_exception(error)
@@ -191,7 +191,7 @@ def start_pool(function: str, folder: Path, workers: int) -> Pool:
     return pool
 
 
-def join_cluster(function: str, folder: Path, scheduler: str) -> Pool:
+def start_cluster_pool(function: str, folder: Path, scheduler: str) -> Pool:
     """Workers of a cluster. Raises BadInput where no scheduler answers."""
     try:
         from distributed import Client

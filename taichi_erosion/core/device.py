@@ -52,7 +52,7 @@ class StringRef(ctypes.Structure):
     _fields_ = (("data", ctypes.c_void_p), ("length", ctypes.c_size_t))
 
 
-def search_symbols(file: Path) -> tuple[int, int]:
+def llvm_symbol_addresses(file: Path) -> tuple[int, int]:
     """Addresses within an ELF file of the function that names the processor and of the table; ValueError."""
     with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as image:
         (start,) = struct.unpack_from("<Q", image, 0x28)
@@ -78,14 +78,14 @@ def compiler_rows() -> tuple[str, dict[str, int]]:
     if first is None:
         raise ValueError("Taichi's library is not loaded")
     base = int(first[0].partition("-")[0], 16)
-    function, table = search_symbols(Path(first[5]))
+    function, table = llvm_symbol_addresses(Path(first[5]))
     named = ctypes.CFUNCTYPE(StringRef)(base + function)()
     addresses = range(base + table, base + table + TABLE_BYTES, ROW)
     rows = {ctypes.string_at(ctypes.c_uint64.from_address(at).value).decode(): at for at in addresses}
     return ctypes.string_at(named.data, named.length).decode(), rows
 
 
-def write_row(target: int, source: int) -> None:
+def overwrite_processor_row(target: int, source: int) -> None:
     """Give a row the features, tuning and schedule of another, by their addresses."""
     library = ctypes.CDLL(None, use_errno=True)
     content = ctypes.string_at(source + FEATURES, ROW - FEATURES)
@@ -119,7 +119,7 @@ def compiler_target() -> str:
     try:
         name, rows = compiler_rows()
         if name == UNKNOWN and set(processor().get("flags", "").split()) >= WIDE_FLAGS:
-            write_row(rows[UNKNOWN], rows[WIDE])
+            overwrite_processor_row(rows[UNKNOWN], rows[WIDE])
             name = f"{UNKNOWN}-as-{WIDE}"
     except (OSError, ValueError, KeyError, AttributeError, struct.error):
         return platform.machine()

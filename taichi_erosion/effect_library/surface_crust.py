@@ -63,7 +63,7 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 
 
 @ti.func
-def place(state):
+def rest_position(state):
     """Where a grain was when its cement set [m]; zeros for a wall."""
     return ti.Vector([state.x, state.y, state.z])
 
@@ -73,7 +73,7 @@ def update_state(constants, grain, state):
     """Wait until the grain has lain still; then watch whether it has left its place."""
     after = state
     if state.calm >= constants.setting:
-        shift = nearest_image(grain.position - place(state), grain.period).norm()
+        shift = nearest_image(grain.position - rest_position(state), grain.period).norm()
         if shift > constants.rupture * grain.radius:
             after.calm = LOOSE
     elif state.calm > LOOSE:
@@ -91,7 +91,7 @@ def bond(constants, pair, state_i, state_j):
     longest = constants.strain * radius
     force = 0.0 * pair.normal
     if state_i.calm >= constants.setting and (pair.radius_j == 0.0 or state_j.calm >= constants.setting):
-        away = nearest_image(pair.offset - (place(state_i) - place(state_j)), pair.period)
+        away = nearest_image(pair.offset - (rest_position(state_i) - rest_position(state_j)), pair.period)
         if away.norm() < longest and pair.gap - away.dot(pair.normal) < longest:
             force = -(constants.stress * radius * radius / longest) * away
     return force

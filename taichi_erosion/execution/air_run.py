@@ -16,7 +16,7 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution import result as results
-from taichi_erosion.execution.checks import load_air_run
+from taichi_erosion.execution.checks import load_checked_air_scene
 from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool
@@ -53,7 +53,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     started = time.perf_counter()
     if options.checkpoint or options.resume or options.precision == "f32":
         raise BadInput("--checkpoint, --resume, --precision f32: not for a scene of air alone")
-    scene = load_air_run(path, options.overrides)
+    scene = load_checked_air_scene(path, options.overrides)
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]

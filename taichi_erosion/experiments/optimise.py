@@ -37,7 +37,7 @@ class Goal:
     high: float = nan
 
 
-def single_share(goal: Goal, value: Floats, softness: float = 0.0) -> Floats:
+def goal_desirability(goal: Goal, value: Floats, softness: float = 0.0) -> Floats:
     """Share d: 1 at the target, 0 at the limit, negative beyond it [1].
 
     `softness` rounds off the tip at a target, |s| -> sqrt(s^2 + softness^2), so that a search by gradients
@@ -116,7 +116,7 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
         limited.append(replace(goal, low=low, high=max(high, low + least)))
     optima = local_optima(models, limited)
     is_met = all(
-        abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
+        abs(goal_desirability(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
         for goal, fit in zip(limited, models, strict=True)
     )
     return Optimisation(tuple(optima), reach, is_met, tuple(explain(limited, optima, reach, is_met)))
@@ -127,7 +127,7 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     ends = start_points(len(fits[0].factors))
     for softness in SOFTNESS:
         loss = partial(shortfall, fits, goals, softness=softness)
-        ends = np.array([descend(loss, end) for end in ends])
+        ends = np.array([nearest_minimum(loss, end) for end in ends])
         ends = ends[np.unique(np.round(ends / ALIKE), axis=0, return_index=True)[1]]
     overall, missing = desirability(goal_shares(fits, goals, ends)), shortfall(fits, goals, ends)
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
@@ -156,7 +156,7 @@ def start_points(count: int) -> Floats:
     return np.concatenate([grid_points(count) if small else np.zeros((1, count)), between])
 
 
-def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
+def nearest_minimum(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
     """Nearest minimum in the cube of a smooth function of many points, [points, factors] -> [points]."""
     shifts = NUDGE * np.concatenate([np.eye(len(start)), -np.eye(len(start))])
 
@@ -175,7 +175,7 @@ def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
 def goal_shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Share d of every goal at coded points, [points, goals]."""
     pairs = zip(goals, fits, strict=True)
-    return np.column_stack([single_share(goal, fit.predict(coded), softness) for goal, fit in pairs])
+    return np.column_stack([goal_desirability(goal, fit.predict(coded), softness) for goal, fit in pairs])
 
 
 def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
@@ -194,7 +194,7 @@ def prediction_range(fit: Fit) -> Reach:
             return sign * fit.predict(points)
 
         best = begin[np.argsort(signed_response(begin))[:BEST_STARTS]]
-        predictions = np.array([descend(signed_response, start) for start in best])
+        predictions = np.array([nearest_minimum(signed_response, start) for start in best])
         ends.append(predictions[np.argmin(signed_response(predictions))])
     low, high = (float(fit.predict(end[None, :])[0]) for end in ends)
     return Reach(low, high, *(settings_at(fit.factors, end) for end in ends))

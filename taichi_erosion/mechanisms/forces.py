@@ -135,7 +135,7 @@ def gust_checks(params: Any, probe: Probe) -> Iterator[Check]:
     # probes have creeping flow, drag 3 pi mu d s; the grain is carried by the air
     air = {"air_density": 1e-6, "air_viscosity": 1.0, "radius": 1e-4, "chance": 0.375}
     stokes = 3.0 * pi * 2e-4
-    lognormal = turbulent_gusts.lognormal
+    lognormal = turbulent_gusts.gust_over_mean
 
     def gust(time: float, strength: float = 1.0, wind: float = 4.0) -> float:
         carried = {"air_velocity": (wind, 0.0, 0.0), "velocity": (wind, 0.0, 0.0), "friction_velocity": 0.2}

@@ -139,10 +139,10 @@ def export_chains(recording: Path, picture: Path, moment: float | None = None, f
     frame = next(one for one in frames if one.time == network.time)
     walls = [(track, track.at(frame.time)) for track in readback.read_walls(recording)]
     meshes = [WallMesh(one.name, at, one.triangles, False) for one, at in walls if at is not None]
-    return write_atomic(picture, marked_png(picture, recording, chain_picture(frame, network, meshes)))
+    return write_atomic(picture, marked_png(picture, recording, force_chain_png(frame, network, meshes)))
 
 
-def chain_picture(frame: readback.GrainFrame, network: ContactNetwork, walls: Sequence[WallMesh]) -> bytes:
+def force_chain_png(frame: readback.GrainFrame, network: ContactNetwork, walls: Sequence[WallMesh]) -> bytes:
     """PNG of the force chains among grains that fill the picture."""
     reach = frame.radius[:, None]
     low = (frame.position - reach).min(axis=0, initial=np.inf)

@@ -70,7 +70,7 @@ def write_recording(study: Path) -> Path:
 
 def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
-    replies, others = stored_replies(study)
+    replies, others = current_and_stale_replies(study)
     answers = replies.values()
     first = replies.get("adopt") or next(iter(answers))  # which knows the written study
     warnings = [*(line for each in answers for line in each.about["set_up"]), page_words.omissions(others)]
@@ -89,7 +89,7 @@ def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     return page, first
 
 
-def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
+def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
     """Answers that belong together, the last one at the end, and commands with an answer to another table.
 
     Raises BadInput where none says what is missing.

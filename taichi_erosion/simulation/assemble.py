@@ -259,7 +259,7 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
         and without_air
         and all(getattr(before.capacities, f.name) >= getattr(demand, f.name) for f in fields(Capacities))
         and before.capacities.materials == demand.materials  # tables of contacts have the same size
-        and compiles_same_effects(before, setups)
+        and can_reuse_compiled_effects(before, setups)
     )
 
 
@@ -272,7 +272,7 @@ def device_effects_by_place(world: World) -> dict[str, DeviceEffects]:
     }
 
 
-def compiles_same_effects(before: Simulation, setups: list[Setup]) -> bool:
+def can_reuse_compiled_effects(before: Simulation, setups: list[Setup]) -> bool:
     """Whether all effects are compiled in, and no others that would change a replica without them."""
     present = {(one.effect.place, one.effect.name): one.effect for s in setups for one in s.effects}
     bounds = device_effects_by_place(before.world)

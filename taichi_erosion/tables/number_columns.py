@@ -163,11 +163,11 @@ def is_computed_from_result(column: Floats, result: Floats) -> bool:
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
     steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-300)
     variance = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
-    rounding = (size_of_last_digit(x) ** 2 + np.mean(steep**2) * size_of_last_digit(y) ** 2) / 12.0
+    rounding = (common_last_digit_size(x) ** 2 + np.mean(steep**2) * common_last_digit_size(y) ** 2) / 12.0
     return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))
 
 
-def size_of_last_digit(values: Floats) -> float:
+def common_last_digit_size(values: Floats) -> float:
     """Size of the last decimal digit with which numbers are written; 0 where it is beyond the eighth."""
     units = (10.0**-k for k in range(-3, 9))
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)

@@ -235,7 +235,7 @@ TERMINAL = {50: 0.1820, 100: 0.5815, 200: 1.4778, 250: 1.9070, 500: 3.826, 1000:
 
 
 @cache
-def settling_speeds() -> Floats:
+def simulated_settling_speeds() -> Floats:
     """Speeds [m s-1] of the grains of TERMINAL after a fall of 9 s through still air."""
     solid = {"density": QUARTZ, "young_modulus": 1e9, "poisson_ratio": 0.2}
     # so wide that a grain does not move the air
@@ -249,7 +249,7 @@ def settling_speeds() -> Floats:
 
 def terminal_velocities() -> Iterator[Outcome]:
     """V30: quartz spheres fall at the published terminal velocities, four digits each."""
-    for (microns, speed_of_table), speed in zip(TERMINAL.items(), settling_speeds(), strict=True):
+    for (microns, speed_of_table), speed in zip(TERMINAL.items(), simulated_settling_speeds(), strict=True):
         yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, speed_of_table, 0.005, "f64")
 
 

@@ -37,7 +37,7 @@ import sys
 from benchmarks.vector_width import packed_width
 from taichi_erosion.core import device
 name, rows = device.compiler_rows()
-device.write_row(rows[name], rows[sys.argv[1]])
+device.overwrite_processor_row(rows[name], rows[sys.argv[1]])
 from taichi_erosion.cli.main import main
 code = main(["run", sys.argv[2], "--no-record", "--json", "--threads", "1", "--replicas", "1"])
 sys.stderr.write(f"width {packed_width()}")
@@ -67,7 +67,7 @@ def test_an_unknown_processor_gets_packed_square_roots_and_the_same_bits(tmp_pat
 def written(monkeypatch):
     """Rows that were written, where LLVM does not know the processor and the processor is wide."""
     rows: list[tuple[int, int]] = []
-    monkeypatch.setattr(device, "write_row", lambda *pair: rows.append(pair))
+    monkeypatch.setattr(device, "overwrite_processor_row", lambda *pair: rows.append(pair))
     table = device.UNKNOWN, {device.UNKNOWN: 1, device.WIDE: 2}
     monkeypatch.setattr(device, "compiler_rows", lambda: table)
     monkeypatch.setattr(device, "processor", lambda: {"flags": " ".join(device.WIDE_FLAGS)})

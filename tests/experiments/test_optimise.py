@@ -6,7 +6,7 @@ from textbook import unit_factors
 
 from taichi_erosion.experiments.design import Factor, box_behnken, central_composite
 from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.optimise import SEPARATE, Goal, desirability, optimise, single_share
+from taichi_erosion.experiments.optimise import SEPARATE, Goal, desirability, goal_desirability, optimise
 
 RANGES = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
 
@@ -75,7 +75,7 @@ def test_two_wishes_that_exclude_each_other_are_called_so():
 def test_desirability_is_that_of_derringer_and_suich():
     high, aimed = Goal("y", 10.0, 0.0, 10.0), Goal("z", 5.0, 0.0, 5.0)
     values = {high: [2.5, 10.0, -1.0], aimed: [2.5, 5.0, 5.0]}
-    shares = np.column_stack([single_share(goal, np.array(found)) for goal, found in values.items()])
+    shares = np.column_stack([goal_desirability(goal, np.array(found)) for goal, found in values.items()])
     # geometric mean of 0.25 and 0.5; both met; the first below its limit
     assert desirability(shares) == pytest.approx([np.sqrt(0.25 * 0.5), 1.0, 0.0], rel=1e-12)
 

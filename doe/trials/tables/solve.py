@@ -18,7 +18,7 @@ from taichi_erosion.evidence.answers.commands import adopt_study, compare_study,
 from taichi_erosion.evidence.data.tables.rows import PLACE
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.record import Record
-from taichi_erosion.evidence.words.part_words import agrees, misfit_falls
+from taichi_erosion.evidence.words.part_words import agrees, naming_lowers_misfit
 
 Answer = dict[str, Any]
 LEAST, SIGNIFICANT = 1e-3, 0.01  # probability that is kept; p below which what is left is no chance
@@ -96,7 +96,7 @@ def adopted(record: Record) -> Answer:
         return {"improves": True, "holds": True}
     left = min(held.p_after, record.p_misfit_after)
     numbers = {"before": held.chi2_per_row_before, "after": held.chi2_per_row_after, "p_after": held.p_after}
-    return {"improves": misfit_falls(record), "holds": left >= SIGNIFICANT, **numbers}
+    return {"improves": naming_lowers_misfit(record), "holds": left >= SIGNIFICANT, **numbers}
 
 
 def finite(number: float) -> float | None:

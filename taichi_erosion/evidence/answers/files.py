@@ -25,7 +25,7 @@ from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import FitPart, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
-from taichi_erosion.evidence.words.part_words import misfit_falls
+from taichi_erosion.evidence.words.part_words import naming_lowers_misfit
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
 
@@ -112,7 +112,7 @@ def after_adoption(record: Record, adopted: Record) -> Record:
     fit = {each.name: getattr(adopted, each.name) for each in fields(FitPart)}
     fitted = replace(record, vault=unseen, **fit)
     none = {"named": (), "group": (), "refuted": effects, "mechanisms": {}, "sensitivity": {}}
-    return fitted if misfit_falls(fitted) else replace(fitted, verdict="none_detected", **none)
+    return fitted if naming_lowers_misfit(fitted) else replace(fitted, verdict="none_detected", **none)
 
 
 def answer_file(folder: Path, stem: str, command: Command) -> Path:
@@ -166,7 +166,7 @@ def append_adoption_errors(study: Study, record: Record) -> list[Document]:
 
     rungs = [each for each in ladder["rungs"] if each["of"] == of]
     rungs = rungs or [rung(before, record.chi2_per_row_before, vault and vault.chi2_per_row_before)]
-    if misfit_falls(record):
+    if naming_lowers_misfit(record):
         acting = [*before, *record.named]
         earlier_rungs = [each for each in rungs if len(each["effects"]) < len(acting)]
         rungs = [*earlier_rungs, rung(acting, record.chi2_per_row_after, vault and vault.chi2_per_row_after)]

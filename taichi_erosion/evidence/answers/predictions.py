@@ -38,7 +38,7 @@ from taichi_erosion.evidence.race.outlook import (
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
-from taichi_erosion.evidence.words.part_words import misfit_falls
+from taichi_erosion.evidence.words.part_words import naming_lowers_misfit
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
@@ -121,7 +121,7 @@ def latest_adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tupl
     for _ in range(LONGEST_CHAIN):
         study = load_study(path, options)
         last = files.read_reply(study.results, path.stem, "adopt")
-        if last is None or not misfit_falls(last.record):
+        if last is None or not naming_lowers_misfit(last.record):
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.named

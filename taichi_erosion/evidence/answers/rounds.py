@@ -118,13 +118,9 @@ def closest(race: Race, names: Acting) -> Fit:
 
 def has_open_question(decision: Decision) -> bool:
     """Whether anything that could be said is neither sure nor as good as excluded."""
-    range_ends = (
-        decision.probabilities["none"],
-        decision.unlisted,
-        *decision.inclusion.values(),
-        *decision.beyond.values(),
-    )
-    return any(1.0 - SURE < p < SURE for p in range_ends)
+    probabilities = [decision.probabilities["none"], decision.unlisted]
+    probabilities += [*decision.inclusion.values(), *decision.beyond.values()]
+    return any(1.0 - SURE < p < SURE for p in probabilities)
 
 
 def is_final(inference: StudyInference) -> bool:
@@ -205,7 +201,7 @@ def answer_by_plan(
         write_rounds(study, {**earlier_points(study), key: own_rounds})
         if (wider := add_mechanism_runs(runs, ready, question, inference)) is None:
             steps = phase_progress(progress, phases, len(phases) - 1)
-            return test_answer_by_runs(question, inference, ready, runs, key, steps)
+            return check_answer_by_runs(question, inference, ready, runs, key, steps)
         runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, most_runs(wider, question, own_rounds, key))
         study.options.announce(f"No listed effect suffices. {cost.cost_text}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
@@ -233,13 +229,8 @@ def most_runs(runs: TrainingRuns, question: Question, rounds: list[Points], key:
     return most_test_runs(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
 
 
-def test_answer_by_runs(
-    question: Question,
-    inference: StudyInference,
-    ready: Study,
-    runs: TrainingRuns,
-    key: str,
-    progress: Progress,
+def check_answer_by_runs(
+    question: Question, inference: StudyInference, ready: Study, runs: TrainingRuns, key: str, steps: Progress
 ) -> tuple[StudyInference, Study]:
     """The answer with its test by fresh runs, or with runs at new rows, and the study with these counted.
 
@@ -257,10 +248,10 @@ def test_answer_by_runs(
     simulator = FreshSimulator(runs, mapping, new_keys, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
-        rows, keys = simulate_untrained_rows(question.query(inference), simulator, progress)
+        rows, keys = simulate_untrained_rows(question.query(inference), simulator, steps)
         inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, keys = fresh_test(inference.posterior, decision, simulator.simulate_settings, progress)
+        part, keys = fresh_test(inference.posterior, decision, simulator.simulate_settings, steps)
         inference = replace(inference, decision=after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
         about = inference.about(*(kind.fits[0] for kind in answer_and_rivals(race, decision)))

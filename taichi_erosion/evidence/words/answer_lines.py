@@ -92,7 +92,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     if not (record.p_misfit < ADEQUATE or part_words.bad_places(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
-        words = words if part_words.fails(record) else f"The calibrated model has a trend {part_words.UNEVEN}"
+        words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt(record)}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
     places = "" if record.p_misfit < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
@@ -175,7 +175,7 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     way = "falls" if after < before else "rises"
     misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
-    if not part_words.misfit_falls(record):
+    if not part_words.naming_lowers_misfit(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
         fitted = " to ".join(plain(each, 2) for each in ends)

@@ -37,7 +37,7 @@ PRIORS = {  # that are halved and doubled
     "errors": "errors expected",
 }
 ONE_LESS = " minus one"  # of what a dose counts
-UNEVEN = "that the stated scatter would not make"  # and what rows scatter would
+AGREED = 0.05  # chance of a misfit from which a model agrees; below ADEQUATE it fails, between it is open
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
@@ -113,7 +113,7 @@ def row_count_text(record: Record) -> str:
     return "the other rows" if record.repeats else f"all {count_noun(record.n, 'row')}"
 
 
-def misfit_falls(record: Record) -> bool:
+def naming_lowers_misfit(record: Record) -> bool:
     """Whether what is named lowers the misfit, and no held-out rows refute that."""
     vault = record.vault
     worse = vault is not None and vault.chi2_after >= vault.chi2_before and not vault.p_worse >= ADEQUATE
@@ -121,8 +121,16 @@ def misfit_falls(record: Record) -> bool:
 
 
 def agrees(record: Record) -> bool:
-    """Whether it agrees as a whole, with repeats, in every place; a trend that scatter may make is open."""
-    return not (fails(record) or any(each.p_as_stated < ADEQUATE for each in record.where))
+    """Whether it agrees as a whole, with repeats, in every place."""
+    return not (fails(record) or doubt(record))
+
+
+def doubt(record: Record) -> str:
+    """What keeps a model that does not fail from agreement; empty where nothing does."""
+    if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
+        return "has a trend that the stated scatter would not make"
+    rare = record.p_misfit < AGREED or record.p_lack_of_fit < AGREED
+    return "has a misfit that chance makes less than one time in twenty" * rare
 
 
 def fails(record: Record) -> bool:
@@ -213,10 +221,8 @@ def sensitivity_text(record: Record) -> str:
     for prior, answers in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), answers, strict=True):
             places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
-    sentences = [
-        f"{name} only where {say.join_words(at, 'or')}" for name, at in places.items() if name != usual
-    ]
-    return f"{usual} is told, {say.join_words(sentences)}" if sentences else "no name moves"
+    moves = [f"{n} only where {say.join_words(at, 'or')}" for n, at in places.items() if n != usual]
+    return f"{usual} is told, {say.join_words(moves)}" if moves else "no name moves"
 
 
 def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
@@ -300,11 +306,11 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     places, chances = bad_places(record), [record.p_misfit, record.p_lack_of_fit]
     state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
-    if not (fails(record) or agrees(record)):
-        state, chances = f"has a trend {UNEVEN}", [each.p_as_stated for each in record.where]
+    if not fails(record) and (words := doubt(record)):
+        state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
     if leading == "none" and (agrees(record) or (share >= SURE and not places)):
-        common = " by errors of measurement" * (not agrees(record))
+        common = " by errors of measurement" * fails(record)
         none = f"probability that none acts: {say.probability_text(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"; a name needs {SURE:g}"

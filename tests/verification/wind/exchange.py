@@ -48,7 +48,7 @@ def terminal_velocities() -> Iterator[Outcome]:
     yield from closed_forms.terminal_velocities()
     air = Stream(0.0, 1.0, DENSITY, VISCOSITY)
     balance = [terminal_velocity(1e-6 * microns, QUARTZ, air) for microns in closed_forms.TERMINAL]
-    error = closed_forms.settling_speeds() / balance - 1.0
+    error = closed_forms.simulated_settling_speeds() / balance - 1.0
     yield below("terminal velocities against the balance of forces: error", error, 1e-4, "f64")
 
 
