@@ -237,11 +237,12 @@ def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
 
 
 def test_a_trend_that_the_stated_scatter_does_not_make_is_no_failure_and_no_agreement() -> None:
-    record = replace(null, where=(replace(WET, p=0.3, p_as_stated=1e-3),))
+    trend, rare = replace(null, where=(replace(WET, p=0.3, p_as_stated=1e-3),)), replace(null, p_misfit=0.03)
     for answer in (compare_answer, discover_answer):
-        first = answer(record, VOC).lines[0]
+        first, other = answer(trend, VOC).lines[0], answer(rare, VOC).lines[0]
+        assert "has a misfit that chance makes less than one time in twenty" in other
         assert "has a trend that the stated scatter would not make" in first
-        assert not re.search("agree|fails", first)
+        assert not re.search("agree|fails", first + other)
 
 
 @pytest.mark.parametrize(
