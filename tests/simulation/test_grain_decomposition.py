@@ -237,8 +237,8 @@ def phases(sim: Simulation) -> int:
 
 def test_the_host_starts_hundreds_of_steps_at_once_and_a_step_takes_few_stages(monkeypatch):
     launches = []
-    run_together = step.run_steps_in_one_kernel
-    monkeypatch.setattr(step, "run_together", lambda *fields: (launches.append(1), run_together(*fields)))
+    run, name = step.run_steps_in_one_kernel, "run_steps_in_one_kernel"
+    monkeypatch.setattr(step, name, lambda *fields: (launches.append(1), run(*fields)))
     sim = simulation.assemble([heap(GRAINS, 1)], ROLLING, Numerics("cpu", 1, "f32", "grains"))
     simulation.advance(sim, [WHOLE])
     assert simulation.energy_totals(sim, 0).step == 500

@@ -297,7 +297,7 @@ def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
 
 def test_fresh_runs_are_made_by_the_device_of_the_study():
     scene, device = load_scene(SOURCE / "column_collapse.toml"), WorkersEntry(decomposition="grains")
-    simulator = SimpleNamespace(device=device, scene=lambda *_: scene)
+    simulator = SimpleNamespace(device=device, load_scene_at=lambda *_: scene)
     training = SimpleNamespace(study=SimpleNamespace(fresh=""), simulator=simulator)
     fresh = FreshSimulator(cast("Any", training), cast("Any", None), frozenset(), SEEDS)
     made = fresh.point_runs((Path("heap.toml"), ()), SEEDS)
