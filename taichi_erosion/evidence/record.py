@@ -94,12 +94,13 @@ class LevelPart(Interval):
 
 @dataclass(frozen=True)
 class ErrorPart(Interval):
-    """An error that nobody stated [of the observable]; of a scatter the factor over what is stated."""
+    """An error that nobody stated [of the observable]; of a scatter, or where so said, a factor."""
 
     kind: Literal["source", "group", "row", "scatter"]
     observable: str
     label: str  # source, group, or number of the row in the table
     other: str = ""  # the only other source or group
+    is_factor: bool = False  # over the other rows, where the observable is compared on a logarithm
 
 
 @dataclass(frozen=True)

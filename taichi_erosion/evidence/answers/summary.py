@@ -374,12 +374,11 @@ def shared_error_parts(
             gap = columns[some].mean(axis=0) - columns[others].mean(axis=0)
             value, sd = float(gap @ best), float(np.sqrt(gap @ covariance @ gap))
             if abs(value) > max(ONE_SIDED * sd, float(np.median(race.prepared.row_sd[some]))):
-                steep = float(np.median(rows.slope[some]))
-                ends = [(value + z * sd) / steep for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-                other = names[0] if len(names) == 2 else ""
-                yield parts.ErrorPart(
-                    *ends, kind=kind, observable=observable.name, label=str(label), other=str(other)
-                )
+                ends = value + sd * np.array([0.0, -ONE_SIDED, ONE_SIDED])
+                factor = difference_kind(observable) == "factor"
+                size, low, high = map(float, np.exp(ends) if factor else ends / np.median(rows.slope[some]))
+                other, name = str(names[0]) if len(names) == 2 else "", observable.name
+                yield parts.ErrorPart(size, low, high, kind, name, str(label), other, factor)
 
 
 def residual_trend_parts(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
