@@ -161,8 +161,7 @@ def append_adoption_errors(study: Study, record: Record) -> list[Document]:
     ladder = read_document(study.results / LADDER) or {"rungs": []}
 
     def rung(effects: list[str], fitted: float, unseen: float | None) -> Document:
-        errors = {"chi2_per_row_fitted": fitted, "chi2_per_row_held_out": unseen}
-        return {"of": of, "effects": effects} | errors
+        return dict(of=of, effects=effects, chi2_per_row_fitted=fitted, chi2_per_row_held_out=unseen)
 
     rungs = [each for each in ladder["rungs"] if each["of"] == of]
     rungs = rungs or [rung(before, record.chi2_per_row_before, vault and vault.chi2_per_row_before)]

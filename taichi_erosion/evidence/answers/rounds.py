@@ -271,9 +271,7 @@ def add_stored_rounds(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[
     study, rounds = runs.study, earlier_points(runs.study)
     budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
-    past = {
-        name: series for name, series in rounds.items() if name != key and name.startswith(start) == is_fresh
-    }
+    past = {n: each for n, each in rounds.items() if n != key and n.startswith(start) == is_fresh}
     own_rounds = list(rounds.get(key, []))
     for name, series in [*past.items(), (key, own_rounds)]:
         for number, about in enumerate(series):
@@ -301,10 +299,8 @@ def points_of_next_round(
     signatures = earlier | {acting(point) for about in own_rounds for point in about}
     needed = points_before_unlisted_verdict(inference) if question.missing else []
     about = [point for point in needed if acting(point) not in signatures]
-    alike = [
-        points for points in own_rounds[runs.plan_size.rounds :] if has_doses(points) == has_doses(about)
-    ]
-    is_complete = len(alike) >= MOST_REQUIRED
+    alike = sum(has_doses(each) == has_doses(about) for each in own_rounds[runs.plan_size.rounds :])
+    is_complete = alike >= MOST_REQUIRED
     return None if is_complete or not about or not training_runs.has_room_for_round(runs, about) else about
 
 
@@ -338,17 +334,13 @@ def read_rounds_file(study: Study) -> Mapping[str, Any]:
 
 def earlier_points(study: Study) -> Rounds:
     """Points of earlier rounds."""
-    return {
-        name: [[Setting(**entry) for entry in about] for about in entries]
-        for name, entries in read_rounds_file(study)["rounds"].items()
-    }
+    stored = read_rounds_file(study)["rounds"].items()
+    return {name: [[Setting(**entry) for entry in about] for about in series] for name, series in stored}
 
 
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
-    plain = {
-        name: [[asdict(point) for point in about] for about in series] for name, series in rounds.items()
-    }
+    plain = {key: [[asdict(point) for point in about] for about in each] for key, each in rounds.items()}
     tests = read_rounds_file(study)["fresh"] if fresh is None else dict(fresh)
     files.write_document(rounds_file(study), {"of": study_digest(study), "rounds": plain, "fresh": tests})
 

@@ -80,7 +80,7 @@ def read_rows(
     cells, assumed = transpose_sideways_table(cells, interview), len(interview.assumptions)
     columns = understand_columns(cells, options, interview, faults)
     cells = fill_down(cells, columns, options, interview)
-    columns = list(without_labels(columns, cells))
+    columns = list(without_repeat_labels(columns, cells))
     table = table_from_cells(cells, columns, faults, options)
     for words in (*table.notes, *notes_on_cells(cells, columns)):
         interview.assume(words)
@@ -123,15 +123,15 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
     return replace(cells, rows=tuple((line, tuple(row)) for (line, _), row in whole))
 
 
-def without_labels(columns: Sequence[Column], cells: Cells) -> Iterator[Column]:
-    """The columns; numbers 1 to k that tell apart repeats, k of them or fewer in each place, count none."""
+def without_repeat_labels(columns: Sequence[Column], cells: Cells) -> Iterator[Column]:
+    """The columns; a column of n with the numbers 1 to k, each once under equal conditions, is not used."""
     kinds = [column.place for column in columns if column.role in ("condition", "group", "source")]
     sets = [tuple(row[place] for place in kinds) for _, row in cells.lines]
     labels = {*map(str, range(1, 1 + max(Counter(sets).values())))}
     for column in columns:
         pairs = {(each, row[column.place]) for each, (_, row) in zip(sets, cells.lines, strict=True)}
-        apart = len(pairs) == len(sets) > len({*sets}) and {number for _, number in pairs} == labels
-        yield replace(column, role="remark") if apart and column.role == "n" else column
+        is_label = len(pairs) == len(sets) > len({*sets}) and {number for _, number in pairs} == labels
+        yield replace(column, role="remark") if is_label and column.role == "n" else column
 
 
 def notes_on_cells(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:

@@ -46,11 +46,10 @@ class PlanCost:
         if not self.first + self.later + self.fresh:
             return f"No run is to be made: all {self.ledger_runs} are kept from before."
         stored = f"; {self.ledger_runs} more are kept from before" if self.ledger_runs else ""
-        rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
-        later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
-        later += (
-            f"{' and' if later else ', then'} at most {self.fresh} that it ends with" if self.fresh else ""
-        )
+        rounds = f"at most {self.later} in {count_noun(self.rounds, 'round')} about the answer"
+        fresh = f"at most {self.fresh} that it ends with"
+        later = " and ".join([rounds] * bool(self.later) + [fresh] * bool(self.fresh))
+        later = f", then {later}" * bool(later)
         cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
         return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{stored}."
 

@@ -340,10 +340,7 @@ def problem_with_emulator(problem: Problem, emulator: Emulator) -> Problem:
     mapped = replace(model, model=emulator)
 
     def emulator_covariance(queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
-        renamed = [
-            (observable, mapped.model_conditions(conditions), doses)
-            for observable, conditions, doses in queries
-        ]
+        renamed = [(name, mapped.model_conditions(at), doses) for name, at, doses in queries]
         return emulator.error_covariance(renamed, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal

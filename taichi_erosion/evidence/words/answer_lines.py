@@ -223,7 +223,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        words = f"More measurements within the present ranges will not help.{wider_ranges_text(record, voc)}"
+        words = f"No measurement in the present ranges would separate the explanations.{wider_ranges_text(record, voc)}"
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim(Answer((words,), (), (), None), record)

@@ -63,13 +63,13 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
     unit = unit_mistake_text(error.value) if error.kind == "factor" else ""
     times, far = f"{say.interval(error)} times", voc.difference_text(error.observable, error)
     size, other = f"{far} {more}", getattr(error, "other", "") or "the others"
-    apart = f"is {times} that of" if getattr(error, "is_factor", False) else f"lies {far} {lies}"
+    relation = f"is {times} that of" if getattr(error, "is_factor", False) else f"lies {far} {lies}"
     return {
         "factor": f"{name} reads {factor_text(error)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
-    }.get(error.kind, f"{name} of {label} {apart} {other}, beyond what their conditions explain")
+    }.get(error.kind, f"{name} of {label} {relation} {other}, beyond what their conditions explain")
 
 
 def factor_text(size: Interval) -> str:
