@@ -223,7 +223,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        words = f"No measurement in the present ranges would separate the explanations.{wider_ranges_text(record, voc)}"
+        words = f"No measurement in the present ranges separates the explanations.{wider_ranges(record, voc)}"
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim(Answer((words,), (), (), None), record)
@@ -238,7 +238,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
-def wider_ranges_text(record: Record, voc: say.Vocabulary) -> str:
+def wider_ranges(record: Record, voc: say.Vocabulary) -> str:
     """How to ask for measurements elsewhere: twice as far along every condition that varies."""
     ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
     ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
