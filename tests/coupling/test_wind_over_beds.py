@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -47,48 +48,48 @@ def bits(sim: Simulation, replica: int) -> str:
 
 
 @cache
-def alone(kind: str) -> dict[str, Any]:
+def alone(kind: str) -> SimpleNamespace:
     """One bed on one worker, with its state under wind, what follows from that again, and from it at rest."""
     sim = simulation.assemble([under(kind, 1)], LAWS, Numerics("cpu", 1))
-    half, whole = TIMES[kind]
+    (half, whole), stages = TIMES[kind], SimpleNamespace()
     simulation.advance(sim, [half])
-    still = simulation.air_profile(sim, 0)
+    stages.still = simulation.air_profile(sim, 0)
     simulation.spin_up_wind(sim, 0, WIND)
-    rest, resting = simulation.export_bed(sim, 0), simulation.snapshot(sim, 0)
-    developed, flow = simulation.air_profile(sim, 0), face_velocities(sim.coupling.air, 0)
+    rest, stages.resting = simulation.export_bed(sim, 0), simulation.snapshot(sim, 0)
+    stages.developed, stages.flow = simulation.air_profile(sim, 0), face_velocities(sim.coupling.air, 0)
     simulation.advance(sim, [half + 3.0 * sim.setups[0].time_step])  # not at an exchange
     state = simulation.export_state(sim)
     simulation.advance(sim, [whole])
-    end, moved = bits(sim, 0), simulation.snapshot(sim, 0)
+    stages.end, stages.moved = bits(sim, 0), simulation.snapshot(sim, 0)
     simulation.import_state(sim, state)
     simulation.advance(sim, [whole])
-    again, before = bits(sim, 0), face_velocities(sim.coupling.air, 0)
+    stages.again, stages.before = bits(sim, 0), face_velocities(sim.coupling.air, 0)
     simulation.spin_up_wind(sim, 0, 0.5 * WIND)
-    slower = face_velocities(sim.coupling.air, 0)
+    stages.slower = face_velocities(sim.coupling.air, 0)
     simulation.import_bed(sim, 0, rest)
-    put_back = simulation.snapshot(sim, 0)
+    stages.put_back = simulation.snapshot(sim, 0)
     simulation.spin_up_wind(sim, 0, WIND, anew=True)
-    residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()
+    stages.residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()
     stop_device()
-    return locals()
+    return stages
 
 
 @cache
-def company(kind: str) -> dict[str, Any]:
+def company(kind: str) -> SimpleNamespace:
     """The same bed between two others, on two workers; one of them does not move when its wind develops."""
     beds = [under(kind, 2), under(kind, 1), under(kind, 3, layers=2, speed=0.0)]
-    sim = simulation.assemble(beds, LAWS, Numerics("cpu", 2))
+    sim, stages = simulation.assemble(beds, LAWS, Numerics("cpu", 2)), SimpleNamespace()
     simulation.spin_up_wind(sim, 2, WIND)
-    over_rest = simulation.air_profile(sim, 2)
+    stages.over_rest = simulation.air_profile(sim, 2)
     set_in(sim, WIND, *TIMES[kind])
-    end = bits(sim, 1)
+    stages.end = bits(sim, 1)
     stop_device()
-    return locals()
+    return stages
 
 
 @kinds
 def test_neighbours_threads_and_an_earlier_state_change_no_bit(kind):
-    assert company(kind)["end"] == alone(kind)["again"] == alone(kind)["end"]
+    assert company(kind).end == alone(kind).again == alone(kind).end
 
 
 @pytest.mark.slow
@@ -104,15 +105,15 @@ def test_workers_that_share_a_bed_under_a_grid_change_no_bit(in_teams):
 @kinds
 def test_a_bed_put_back_lies_where_it_lay_and_owes_nothing(kind):
     found = alone(kind)
-    back, resting = found["put_back"], found["resting"]
+    back, resting = found.put_back, found.resting
     assert np.array_equal(back.position, resting.position)
     assert np.array_equal(back.velocity[:, 2], resting.velocity[:, 2])
-    assert not np.array_equal(back.position, found["moved"].position)
-    assert not found["residual_momentum"].any()
+    assert not np.array_equal(back.position, found.moved.position)
+    assert not found.residual_momentum.any()
 
 
 def test_developed_air_hands_all_of_its_stress_to_grains_and_floor():
-    wind = alone("column")["developed"]
+    wind = alone("column").developed
     height = np.diff(wind.face)
     floor = DENSITY * VISCOSITY * wind.void_fraction[0] * wind.velocity[0, 0] / (0.5 * height[0])
     taken = -(wind.drag[:, 0] * height).sum() + floor
@@ -121,14 +122,14 @@ def test_developed_air_hands_all_of_its_stress_to_grains_and_floor():
 
 
 def test_developed_air_over_grains_at_rest_grows_with_height():
-    wind = company("column")["over_rest"].velocity[:, 0]
+    wind = company("column").over_rest.velocity[:, 0]
     # stress that comes in at the lid only: drag on grains at rest and the floor take from it
     assert np.all(wind > 0.0)
     assert np.all(np.diff(wind) > 0.0)
 
 
 def test_deep_air_moves_with_its_grains_and_no_faster():
-    wind, grains = alone("column")["developed"], alone("column")["resting"].velocity[:, 0]
+    wind, grains = alone("column").developed, alone("column").resting.velocity[:, 0]
     assert grains.min() < 0.0 < grains.max()
     assert np.all(wind.velocity[:, 0] > grains.min())
     assert np.all(wind.velocity[wind.face[1:] < 2.0 * RADIUS, 0] < grains.max())
@@ -137,14 +138,14 @@ def test_deep_air_moves_with_its_grains_and_no_faster():
 @pytest.mark.slow
 def test_wind_on_a_grid_blows_over_the_bed_differs_from_place_to_place_and_keeps_its_eddies_when_it_slows():
     found = alone("grid")
-    wind, flow = found["developed"], found["flow"]
+    wind, flow = found.developed, found.flow
     centre = 0.5 * (wind.face[1:] + wind.face[:-1])
-    assert np.abs(found["still"].velocity).max() < 0.1 * WIND
+    assert np.abs(found.still.velocity).max() < 0.1 * WIND
     assert wind.velocity[centre > 0.5 * LID, 0].min() > 5.0 * WIND
     aloft = flow[0][:-1][..., centre > 2.0 * SURFACE]
     assert aloft.std(axis=(0, 1)).max() > 0.2 * WIND
     assert np.isfinite(aloft).all()
-    for before, slower in zip(found["before"], found["slower"], strict=True):
+    for before, slower in zip(found.before, found.slower, strict=True):
         assert slower == pytest.approx(0.5 * before, rel=1e-12, abs=1e-12)
 
 

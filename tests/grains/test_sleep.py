@@ -1,6 +1,7 @@
 """Deep grains that sleep: they lie where they lay, carry what rests on them, wake when hit, lose no bit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -52,39 +53,41 @@ def lifted(state: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def nights() -> dict[str, Any]:
+def nights() -> SimpleNamespace:
     """A bed that settles and falls asleep, in a breeze, hit by a grain, put back, and tilted."""
-    sim = simulation.assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
+    sim, night = simulation.assemble([drowsy(1)], LAWS, Numerics("cpu", 1)), SimpleNamespace()
     simulation.advance(sim, [SETTLED])
-    state, still, before = simulation.export_state(sim), asleep(sim), simulation.snapshot(sim, 0)
+    night.state, night.still = simulation.export_state(sim), asleep(sim)
+    night.before = simulation.snapshot(sim, 0)
     simulation.advance(sim, [SETTLED + WATCHED])
-    after, later, end = simulation.snapshot(sim, 0), asleep(sim), fingerprint(simulation.snapshot(sim, 0))
-    simulation.import_state(sim, state)
+    night.after, night.later = simulation.snapshot(sim, 0), asleep(sim)
+    night.end = fingerprint(night.after)
+    simulation.import_state(sim, night.state)
     simulation.advance(sim, [SETTLED + WATCHED])
-    again = fingerprint(simulation.snapshot(sim, 0))
+    night.again = fingerprint(simulation.snapshot(sim, 0))
     simulation.spin_up_wind(sim, 0, BREEZE)
     simulation.advance(sim, [SETTLED + 2.0 * WATCHED])
-    residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()[0, :, 0].sum()
-    breeze, blown = simulation.air_profile(sim, 0), asleep(sim)
-    simulation.import_state(sim, lifted(state))
-    hit = []
+    night.residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()[0, :, 0].sum()
+    night.breeze, night.blown = simulation.air_profile(sim, 0), asleep(sim)
+    simulation.import_state(sim, lifted(night.state))
+    night.hit = []
     for time in SETTLED + FALL + np.linspace(-1e-3, 4e-3, 11):
         simulation.advance(sim, [time])
-        hit.append(np.count_nonzero(asleep(sim)))
+        night.hit.append(np.count_nonzero(asleep(sim)))
     simulation.advance(sim, [2.0 * SETTLED])
-    calmed = asleep(sim)
+    night.calmed = asleep(sim)
     simulation.set_replica_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
-    tilted = asleep(sim)
+    night.tilted = asleep(sim)
     stop_device()
-    return locals()
+    return night
 
 
 def test_a_bed_at_rest_falls_asleep_lies_where_it_lay_and_goes_on_bit_for_bit_when_resumed(nights):
-    still = nights["still"] & nights["later"]
+    still = nights.still & nights.later
     assert still.mean() > 0.9
-    assert np.array_equal(nights["after"].position[still], nights["before"].position[still])
-    assert not nights["after"].velocity[still].any()
-    assert nights["again"] == nights["end"]
+    assert np.array_equal(nights.after.position[still], nights.before.position[still])
+    assert not nights.after.velocity[still].any()
+    assert nights.again == nights.end
 
 
 def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
@@ -94,10 +97,10 @@ def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
     simulation.advance(sim, [SETTLED + WATCHED] * 2)
     company = fingerprint(simulation.snapshot(sim, 1))
     stop_device()
-    assert company == nights["end"]
+    assert company == nights.end
     assert not nobody.any()
     # grains fall asleep once they have come to rest: what is left of their motion is a creep
-    away = np.abs(awake.position[:, 2] - nights["before"].position[:, 2])
+    away = np.abs(awake.position[:, 2] - nights.before.position[:, 2])
     assert np.median(away) < 0.01 * RADIUS
     assert away.max() < 0.2 * RADIUS
 
@@ -107,33 +110,33 @@ def test_grains_sleep_and_wake_alike_with_one_thread_per_grain(nights):
     found = []
     for decomposition in ("partitions", "grains"):
         sim = simulation.assemble([drowsy(1)], LAWS, Numerics("cpu", 2, "f64", decomposition))
-        simulation.import_state(sim, lifted(nights["state"]))
+        simulation.import_state(sim, lifted(nights.state))
         simulation.advance(sim, [SETTLED + FALL + 4e-3])
         found.append((asleep(sim), simulation.snapshot(sim, 0).position))
         stop_device()
     (want, places), (same, others) = found
-    assert 0 < np.count_nonzero(want) < np.count_nonzero(nights["still"]), "some must have woken"
+    assert 0 < np.count_nonzero(want) < np.count_nonzero(nights.still), "some must have woken"
     assert np.array_equal(same, want)
     # the same forces in another order, some hundred steps long
     assert np.abs(others - places).max() < 1e-12 * SIDE
 
 
 def test_the_air_loses_what_sleepers_take_from_it(nights):
-    breeze = nights["breeze"]
-    assert nights["blown"].mean() > 0.9
+    breeze = nights.breeze
+    assert nights.blown.mean() > 0.9
     height, interval = np.diff(breeze.face), LOOK_STEPS * TIME_STEP
     taken = -(breeze.drag[:, 0] * height).sum()
     # the stress at the lid goes to grains and, under three layers of them, hardly to the floor
     assert taken == pytest.approx(DENSITY * BREEZE**2, rel=0.02)
     # the residual is the drag of one interval, which the grains receive until the next: nothing has piled up
-    assert nights["residual_momentum"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
+    assert nights.residual_momentum == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
 
 
 def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_gravity_that_turns_wakes_all(nights):
-    hit = nights["hit"]
+    hit = nights.hit
     assert min(hit) < hit[0] - 3
-    assert np.count_nonzero(nights["calmed"]) >= hit[0], "all sleep again"
-    assert not nights["tilted"].any()
+    assert np.count_nonzero(nights.calmed) >= hit[0], "all sleep again"
+    assert not nights.tilted.any()
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """A replica gives the same bits alone and in company, on one worker or two, resumed, after lists grew."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,21 +28,21 @@ def run(setups: list[Setup], threads: int, until: float) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def alone() -> dict[str, object]:
+def alone() -> SimpleNamespace:
     """One heap on one worker, half way and at the end, with its state and contacts half way; then others."""
-    numerics = Numerics("cpu", 1)
+    numerics, heaps = Numerics("cpu", 1), SimpleNamespace()
     sim = simulation.assemble([heap(GRAINS, 1)], LAWS, numerics)
-    (half,) = ends(sim, HALF)
-    state, contacts_then = simulation.export_state(sim), simulation.energy_totals(sim, 0).contacts
-    (end,) = ends(sim, WHOLE)
-    simulation.import_state(sim, state)
-    back = fingerprint(simulation.snapshot(sim, 0))
-    (again,) = ends(sim, WHOLE)
+    (heaps.half,) = ends(sim, HALF)
+    heaps.state, heaps.contacts_then = simulation.export_state(sim), simulation.energy_totals(sim, 0).contacts
+    (heaps.end,) = ends(sim, WHOLE)
+    simulation.import_state(sim, heaps.state)
+    heaps.back = fingerprint(simulation.snapshot(sim, 0))
+    (heaps.again,) = ends(sim, WHOLE)
     others = simulation.reuse_or_assemble(sim, [heap(GRAINS, 1), *of_two_materials()], LAWS, numerics)
     assert others is sim  # kernels compile once
-    one, *mixed = ends(others, WHOLE)
+    heaps.one, *heaps.mixed = ends(others, WHOLE)
     stop_device()
-    return locals()
+    return heaps
 
 
 def of_two_materials() -> list[Setup]:
@@ -53,22 +54,22 @@ def of_two_materials() -> list[Setup]:
 
 
 def test_a_run_put_back_to_an_earlier_state_repeats_itself(alone):
-    assert alone["contacts_then"] > 10  # springs are stretched
-    assert alone["back"] == alone["half"]
-    assert alone["again"] == alone["end"] != alone["half"]
+    assert alone.contacts_then > 10  # springs are stretched
+    assert alone.back == alone.half
+    assert alone.again == alone.end != alone.half
 
 
 def test_neighbours_in_an_ensemble_and_a_second_worker_change_no_bit(alone):
     # three replicas on two workers: one of them is begun by one worker and ended by the other
     bits = run([heap(GRAINS // 2, 3, friction=0.1), heap(GRAINS, 1), heap(GRAINS, 2)], 2, WHOLE)
-    assert bits[1] == alone["end"]
+    assert bits[1] == alone.end
     assert bits[1] != bits[2], "heaps of different seeds"
 
 
 def test_grains_of_two_materials_move_as_grains_of_one_where_their_contacts_are_equal(alone):
     # with one material the contact constants are loaded once a step, with two for every pair
-    equal, unequal = alone["mixed"]
-    assert alone["one"] == equal == alone["end"]
+    equal, unequal = alone.mixed
+    assert alone.one == equal == alone.end
     assert unequal != equal
 
 
@@ -81,14 +82,14 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     grown, half = sim.capacities, fingerprint(simulation.snapshot(sim, 0))
     # a checkpoint of grown lists meets a fresh run; both lists halved grow to what has been compiled above
     reallocate_fields(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
-    simulation.import_state(sim, alone["state"])
+    simulation.import_state(sim, alone.state)
     simulation.advance(sim, [WHOLE])
     end = fingerprint(simulation.snapshot(sim, 0))
     stop_device()
     assert grown.pairs > tiny.pairs
     assert sim.capacities.pairs > PAIRS_FAR_TOO_FEW
-    assert half == alone["half"]
-    assert end == alone["end"]
+    assert half == alone.half
+    assert end == alone.end
 
 
 def test_workers_that_share_a_heap_change_no_bit(in_teams):
