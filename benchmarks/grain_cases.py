@@ -19,7 +19,7 @@ from benchmarks.stage_times import copy_bandwidth, stage_times
 from benchmarks.vector_width import packed_width
 from benchmarks.wind_cases import blowing_patch
 from taichi_erosion.core.setup import Arch, Numerics, Setup
-from taichi_erosion.core.transfer import NUMPY_TYPES, device_fields, inner_shape
+from taichi_erosion.core.transfer import NUMPY_TYPES, device_fields, element_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import (
     Simulation,
@@ -161,7 +161,7 @@ def device_bytes(owner: Any) -> int:
     """Memory of all fields of a record [byte]."""
     sizes = [
         NUMPY_TYPES[str(field.dtype)]().itemsize
-        * np.prod((*field.shape, *inner_shape(field)), dtype=np.int64)
+        * np.prod((*field.shape, *element_shape(field)), dtype=np.int64)
         for field in device_fields(owner)
     ]
     return int(sum(sizes))

@@ -13,7 +13,7 @@ Reference: Williams, Waterman & Patterson (2009), Commun. ACM 52(4), 65.
 from math import prod
 from typing import Any
 
-from taichi_erosion.core.transfer import NUMPY_TYPES, download, inner_shape
+from taichi_erosion.core.transfer import NUMPY_TYPES, download, element_shape
 from taichi_erosion.simulation import Simulation
 
 EVALUATED = ("shift", "velocity", "spin", "radius")  # of a grain, read by the stage of pairs
@@ -30,7 +30,7 @@ SUMMED = ("force", "torque", "back")  # of an entry, read by the stage of motion
 def number_bytes(owner: Any, names: tuple[str, ...]) -> int:
     """Bytes of one place of some fields of a record."""
     chosen = [getattr(owner, name) for name in names]
-    return sum(NUMPY_TYPES[str(field.dtype)]().itemsize * prod(inner_shape(field)) for field in chosen)
+    return sum(NUMPY_TYPES[str(field.dtype)]().itemsize * prod(element_shape(field)) for field in chosen)
 
 
 def step_bytes(sim: Simulation, contacts: int) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import read_params
+from taichi_erosion.core.effect import read_effect_entries
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.effect_library import load_library
@@ -117,7 +117,7 @@ Push = Callable[[float, float, Floats, float, float, Any], tuple[float, float, f
 def expected_hop(effect: str, wind: AirProfile) -> Hop:
     """The same hop by SciPy, sampled at the same times."""
     centre = 0.5 * (wind.face[1:] + wind.face[:-1])
-    params, _ = read_params(load_library()[effect], {}) if effect else (None, 0.0)
+    params, _ = read_effect_entries(load_library()[effect], {}) if effect else (None, 0.0)
 
     def rates(time: float, state: Floats) -> list[float]:
         _, height, along, upwards, spin = state

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Effect, read_params
+from taichi_erosion.core.effect import Effect, read_effect_entries
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.scene import Scene, parse_scene
@@ -199,7 +199,7 @@ def acting_forces(
     """Pull-off force of a plane and force upwards of the effect of a case [N]."""
     if case.effect not in FORCES:
         return 0.0, 0.0
-    params, strength = read_params(library[case.effect], dict(case.entries))
+    params, strength = read_effect_entries(library[case.effect], dict(case.entries))
     pull, lift = FORCES[case.effect](params, dict(case.conditions), mass, stream)
     squared = case.effect == "image_charge"  # whose strength multiplies the charge
     share = 0.5 if case.effect in SWINGING else 1.0

@@ -13,7 +13,7 @@ import pandas as pd
 from doe.common.cases import ROOT, Case, perform, settings
 from doe.common.command import words
 from doe.common.pages import write_pages
-from taichi_erosion.core.files import make_parent, write_atomic
+from taichi_erosion.core.files import make_parent_folder, write_atomic
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
 from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impact
@@ -50,7 +50,7 @@ def simulate(label: str, *seeds: str) -> None:
     """Beds of one case, each a row group of the table."""
     diameter, name = SANDS.get(label, 0.25), f"flux_{WIND}" if "flux" in label else "thresholds"
     path = ROOT / f"wind-{diameter:g}mm" / f"{name}.toml"
-    make_parent(path)
+    make_parent_folder(path)
     write_atomic(path, scenes_of(Survey(Sand(1e-3 * diameter), (WIND,), beds=1))[name].encode())
     cases = [Case(label, f"bed {seed}", ("--seed", seed, *ORDERS[label])) for seed in seeds]
     perform(str(path.relative_to(ROOT)), cases, TABLE)

@@ -23,10 +23,10 @@ import numpy as np
 from taichi_erosion.air.inlet_turbulence import InletWaves, allocate_waves
 from taichi_erosion.air.pressure.multigrid import MultigridLevels, allocate_levels
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
-from taichi_erosion.core.device import is_serial
+from taichi_erosion.core.device import is_serial_loop
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, is_host, upload, write_field
+from taichi_erosion.core.transfer import device_record, is_host_memory, upload, write_field
 
 real = ti.f64
 
@@ -86,7 +86,7 @@ class Air:
     cells: tuple[int, int, int]
     model: AirModel
     kinds: dict[str, str]  # kind of each side
-    serial: bool  # whether loops over cells run on the calling thread, see `is_serial`
+    serial: bool  # whether loops over cells run on the calling thread, see `is_serial_loop`
     serial_replicas: bool  # the same of loops over replicas
     numbers: AirNumbers
     face: Any  # z of the lower face of cell k, and of the lid [m] by replica and k = 0 ... nz
@@ -187,8 +187,8 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         cells=cells,
         model=first.model,
         kinds={name: first.sides[name].kind for name in SIDES},
-        serial=is_serial(count * cells[0] * cells[1]),
-        serial_replicas=is_host(),
+        serial=is_serial_loop(count * cells[0] * cells[1]),
+        serial_replicas=is_host_memory(),
         numbers=numbers,
         inlet_fluctuation=ghost_field(cells[1:], count, vector=True),
         active=ti.field(ti.i32, shape=count),

@@ -3,7 +3,7 @@
 from dataclasses import MISSING, fields
 from typing import Any
 
-from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, parameter_names, reference
+from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, first_reference, parameter_names
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.execution.session import LIVE_WIND, Session, saved_state
@@ -53,7 +53,7 @@ def entry_meaning(session: Session, path: str) -> str:
     effect = library[name]
     entries = ", ".join(parameter_names(effect))
     words = parameter_meaning(effect, parameter) if parameter else f"{effect.title}; entries: {entries}"
-    source = reference(effect)
+    source = first_reference(effect)
     return f"{path}: {words}" + (f"; source: {source}" if source else "")
 
 

@@ -16,7 +16,7 @@ from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, with_entry
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import ListedFolder, marked_toml, refuse_foreign, without_mark, write_atomic
+from taichi_erosion.core.files import ListedFolder, mark_toml, refuse_foreign_file, remove_mark, write_atomic
 from taichi_erosion.execution import Report
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments import fit as fits
@@ -105,7 +105,7 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
     ]
     last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
     for scene in file.scenes if until == STEPS[-1] else []:
-        refuse_foreign(calibrated_path(file, scene), file.path, force)
+        refuse_foreign_file(calibrated_path(file, scene), file.path, force)
     tables = TABLES[:1] if until == "design" else TABLES
     ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
 
@@ -240,8 +240,8 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
         is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(after)
     except BadInput:
         is_same = False
-    body = without_mark(text if is_same else tomlkit.dumps(resolve(after)))
+    body = remove_mark(text if is_same else tomlkit.dumps(resolve(after)))
     last = "with the numbers that its last step confirmed"
     head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
     path = calibrated_path(file, scene)
-    return write_atomic(path, marked_toml(path, file.path, head + body))
+    return write_atomic(path, mark_toml(path, file.path, head + body))

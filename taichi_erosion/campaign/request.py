@@ -139,7 +139,7 @@ def work_of(scene: Scene) -> float:
 def simulating() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
-    from taichi_erosion.core.effect_file import compile_failure
+    from taichi_erosion.core.effect_file import compile_failure_text
     from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_reusing_buffers
     from taichi_erosion.scene.load import parse_scene
     from taichi_erosion.simulation import Simulation
@@ -165,7 +165,7 @@ def simulating() -> Iterator[RunFunction]:
         try:
             previous = run_replicas_reusing_buffers(before, parts, numerics, send_record)
         except Exception as error:
-            if (reason := compile_failure(error)) is None:
+            if (reason := compile_failure_text(error)) is None:
                 raise
             raise BadInput(reason) from None
 

@@ -12,7 +12,7 @@ from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import RunResult, scene_request
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import ListedFolder, make_parent
+from taichi_erosion.core.files import ListedFolder, make_parent_folder
 from taichi_erosion.execution import Report
 from taichi_erosion.execution.checks import named_effects, read_scene
 
@@ -62,7 +62,7 @@ def sweep(
     if not first.measure:
         raise BadInput(f"{scene}: has no [measure], so a sweep has no curve")
     requests = [scene_request(scene, one, seed, files) for one in entries for seed in seeds]
-    make_parent(folder / TABLE)
+    make_parent_folder(folder / TABLE)
     ledger = open_ledger(folder)
     try:
         results = execute(requests, ledger, workers, scheduler, progress)

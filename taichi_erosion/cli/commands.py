@@ -43,7 +43,7 @@ from taichi_erosion.cli.options import (
 from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
-from taichi_erosion.core.files import check_writable, refuse_foreign
+from taichi_erosion.core.files import check_writable, refuse_foreign_file
 from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
@@ -311,7 +311,7 @@ def snapshot(
     from taichi_erosion.recording.viewer import render_picture
 
     picture_file = to or file.with_suffix(".snapshot.png")
-    refuse_foreign(picture_file, file, force)
+    refuse_foreign_file(picture_file, file, force)
     typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only, source=file)))
 
 
@@ -362,7 +362,7 @@ def repose(
     from taichi_erosion.measures.photograph import measure_photograph
 
     picture = to or image.with_suffix(".detected.png")
-    refuse_foreign(picture, image, force)
+    refuse_foreign_file(picture, image, force)
     check_writable(picture)
     options = typed_options(background=background)
     if crop is not None:
@@ -395,7 +395,7 @@ def profile(
     from taichi_erosion.tables.cell_numbers import stated_number
 
     csv_file = to or table.with_name(f"{table.stem}_heaps.csv")
-    refuse_foreign(csv_file, table, force)
+    refuse_foreign_file(csv_file, table, force)
     grain = stated_number(diameter, "m", "--diameter", "2mm") if diameter else 0.0
     columns, rows = measure_heap_table(table, place, height, grain)
     write_heap_table(csv_file, columns, rows)

@@ -186,7 +186,7 @@ def print_parameters(effect: "Effect") -> None:
 
 def record(effect: "Effect") -> dict[str, Any]:
     """JSON record of an effect."""
-    from taichi_erosion.core.effect import reference
+    from taichi_erosion.core.effect import first_reference
 
     state = fields(effect.grain_state) if effect.grain_state else ()
     return {
@@ -196,7 +196,7 @@ def record(effect: "Effect") -> dict[str, Any]:
         "uncertain": dict(effect.uncertain),
         "expected": dict(effect.expected),
         "measured": measured_shifts(effect.name),
-        "reference": reference(effect),
+        "reference": first_reference(effect),
         "prior_scale": effect.prior_scale,
         "max": effect.most,
         "parameters": {f.name: {"value": f.default, **f.metadata} for f in fields(effect.params)},
@@ -338,7 +338,7 @@ def check_points(
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""
     from taichi_erosion.core.device import start_device, stop_device
-    from taichi_erosion.core.effect_probe import make_bench, probe_of
+    from taichi_erosion.core.effect_probe import allocate_bench, make_probe
     from taichi_erosion.core.setup import Numerics
     from taichi_erosion.mechanisms.law import at_dose, device_response
 
@@ -347,7 +347,7 @@ def check_points(
     if mechanism.constants is not None:
         start_device(Numerics(threads=1))
         try:
-            probe = probe_of(mechanism, make_bench())
+            probe = make_probe(mechanism, allocate_bench())
             responses = [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
         finally:
             stop_device()

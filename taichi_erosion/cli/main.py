@@ -58,12 +58,12 @@ def run_command(words: list[str]) -> int:
     except SimulationStopped as error:
         return print_error(str(error), ExitCode.STOPPED)
     except Exception as error:
-        from taichi_erosion.core.effect_file import compile_failure
+        from taichi_erosion.core.effect_file import compile_failure_text
 
         if os.environ.get(TRACEBACK_SWITCH) == "1":
             typer.echo("".join(traceback.format_exception(error)), err=True)
             return ExitCode.FAILURE
-        if (reason := compile_failure(error)) is not None:  # in the user's own effect
+        if (reason := compile_failure_text(error)) is not None:  # in the user's own effect
             return print_error(f"{reason}; `effects NAME --effect FILE` checks an effect", ExitCode.BAD_INPUT)
         sentence = f"unexpected {type(error).__name__}: {error} ({TRACEBACK_SWITCH}=1 shows where)"
         return print_error(sentence, ExitCode.FAILURE)

@@ -106,7 +106,7 @@ class AirSetup:
     start: Floats | None = field(default=None)  # m s-1: [nz] along x, or [3, nx, ny, nz]; None: at rest
 
 
-def even_faces(low: float, high: float, count: int) -> Floats:
+def equal_cell_faces(low: float, high: float, count: int) -> Floats:
     """Faces of equal cells [m]."""
     return np.linspace(low, high, count + 1)
 
@@ -118,7 +118,7 @@ def stretched_faces(low: float, high: float, count: int, finest: float) -> Float
     """
     span = high - low
     if finest * count >= span * (1.0 - EVEN):
-        return even_faces(low, high, count)
+        return equal_cell_faces(low, high, count)
     growth: Any = scipy.optimize.brentq(
         lambda q: count * np.log(q) - np.log1p(span * (q - 1.0) / finest), 1.0 + EVEN, 1.0 + span / finest
     )
@@ -131,12 +131,12 @@ def bed_faces(low: float, surface: float, high: float, finest: float, growth: fl
 
     Above the surface the fewest cells are taken whose last one does not exceed the growth.
     """
-    below = even_faces(low, surface, max(1, int(np.ceil((surface - low) / finest * (1.0 - EVEN)))))
+    below = equal_cell_faces(low, surface, max(1, int(np.ceil((surface - low) / finest * (1.0 - EVEN)))))
     count = int(np.ceil(np.log1p((high - surface) / finest * (growth - 1.0)) / np.log(growth)))
     return np.concatenate([below, stretched_faces(surface, high, max(count, 1), finest)[1:]])
 
 
-def both_faces(low: float, high: float, count: int, finest: float) -> Floats:
+def faces_fine_at_both_ends(low: float, high: float, count: int, finest: float) -> Floats:
     """Faces that widen from both ends towards the middle, for a channel of `count` (even) cells [m]."""
     half = stretched_faces(0.0, 0.5 * (high - low), count // 2, finest)
     return np.concatenate([low + half, (high - half[::-1])[1:]])
@@ -152,7 +152,7 @@ def log_profile(height: Floats, friction_velocity: float, roughness: float, karm
     return friction_velocity / karman * np.log1p(np.maximum(height, 0.0) / roughness)
 
 
-def bed_gradient(setup: AirSetup, friction_velocity: float) -> float:
+def stress_gradient(setup: AirSetup, friction_velocity: float) -> float:
     """Mean pressure gradient [Pa m-1] that puts the stress rho u*^2 on a bed, 0 where the lid does.
 
     dp/dx = -rho u*^2 / (H - h),   H the height of the lid, h that of the bed [m]

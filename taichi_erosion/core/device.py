@@ -29,7 +29,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import check_writable
 from taichi_erosion.core.setup import Numerics, usable_cores
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
-from taichi_erosion.core.transfer import is_host
+from taichi_erosion.core.transfer import is_host_memory
 
 LOCK_SECONDS = 30.0  # age from which the lock of a cache counts as left behind
 SERIAL_LINES = 1024  # two blocks of 512 iterations, of which Taichi gives one to a thread
@@ -70,7 +70,7 @@ def llvm_symbol_addresses(file: Path) -> tuple[int, int]:
     return int(function["value"][0]), int(table["value"][0])
 
 
-def compiler_rows() -> tuple[str, dict[str, int]]:
+def processor_rows() -> tuple[str, dict[str, int]]:
     """What LLVM calls this processor, and the addresses of the rows of its table by name; ValueError."""
     maps = map(str.split, Path("/proc/self/maps").read_text(encoding="utf-8").splitlines())
     libraries = (words for words in maps if len(words) == 6 and "/taichi_python." in words[5])
@@ -99,7 +99,7 @@ def overwrite_processor_row(target: int, source: int) -> None:
 
 
 @cache
-def processor() -> dict[str, str]:
+def read_cpuinfo() -> dict[str, str]:
     """Entries of /proc/cpuinfo for the first processor; none on another system."""
     if sys.platform != "linux":
         return {}
@@ -109,16 +109,16 @@ def processor() -> dict[str, str]:
 
 
 @cache
-def compiler_target() -> str:
+def widest_target() -> str:
     """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
     if engine_name() != "taichi":
         keys = ("vendor_id", "cpu family", "model")
-        return "-".join([platform.machine(), *(processor()[key] for key in keys if key in processor())])
+        return "-".join([platform.machine(), *(read_cpuinfo()[key] for key in keys if key in read_cpuinfo())])
     if sys.platform != "linux" or platform.machine() != "x86_64" or ti.__version__ != TAICHI:
         return platform.machine()
     try:
-        name, rows = compiler_rows()
-        if name == UNKNOWN and set(processor().get("flags", "").split()) >= WIDE_FLAGS:
+        name, rows = processor_rows()
+        if name == UNKNOWN and set(read_cpuinfo().get("flags", "").split()) >= WIDE_FLAGS:
             overwrite_processor_row(rows[UNKNOWN], rows[WIDE])
             name = f"{UNKNOWN}-as-{WIDE}"
     except (OSError, ValueError, KeyError, AttributeError, struct.error):
@@ -140,7 +140,7 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     # the key of a kernel knows no processor, and its loops are laid out for one before it is kept
-    folder, offline = root / "taichi_erosion" / "kernels" / f"{compiler_target()}{engine}", True
+    folder, offline = root / "taichi_erosion" / "kernels" / f"{widest_target()}{engine}", True
     try:
         check_writable(folder / "any")
     except BadInput:  # Taichi makes its folder at exit even where it keeps nothing there, or crashes
@@ -173,7 +173,7 @@ def has_cuda() -> bool:
     return bool(core.with_cuda())
 
 
-def multiprocessors() -> int:
+def multiprocessor_count() -> int:
     """Multiprocessors of the first NVIDIA graphics processor.
 
     Reference: CUDA driver API, cuDeviceGetAttribute, CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT.
@@ -185,12 +185,12 @@ def multiprocessors() -> int:
     return count.value
 
 
-def is_serial(lines: int) -> bool:
+def is_serial_loop(lines: int) -> bool:
     """Whether a loop over so many lines of cells runs on the thread that launches it.
 
     To wake other threads takes a CPU as long as some hundred lines, and much longer beside other programs.
     """
-    return is_host() and lines <= SERIAL_LINES
+    return is_host_memory() and lines <= SERIAL_LINES
 
 
 def stop_device() -> None:

@@ -16,7 +16,7 @@ the factor of a pull over R* where grains are larger than the true ones [1], and
 the height of the undisturbed bed [m], and `density_ratio`, of the grains over the air [1].
 
 A pair or grain effect may have state variables of every grain (internal variables: an age, a charge, a
-broken bond). `grain_state` declares them as `params` are, `initial_state` gives their values when a grain
+broken bond). `grain_state` declares them as `params` are, `state_at_entry` gives their values when a grain
 enters, and `update_state` advances them at every exchange with the air, once in a fixed number of time steps
 (`grain.interval`), one grain at a time. The state of a grain follows it through sorting, checkpoints, and
 restored beds. Pair effects read the state of both grains, grain effects that of the one.
@@ -154,7 +154,7 @@ class ReplicaEffect:
     initial_state: Constants = field(default_factory=dict)  # of a grain that enters
 
 
-def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
+def read_effect_entries(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
     """Parameters and strength from a scene's entries. Raises ValueError naming what is out of range."""
     strength = float(entries.get(STRENGTH, 1.0))
     if not 0.0 <= strength <= STRENGTH_MOST:
@@ -177,7 +177,7 @@ def parameter_names(effect: Effect) -> tuple[str, ...]:
     return (STRENGTH, *(f.name for f in fields(effect.params)))
 
 
-def reference(effect: Effect) -> str:
+def first_reference(effect: Effect) -> str:
     """First reference in an effect's docstring; empty without one."""
     _, _, works = (effect.doc or "").partition("Reference:")
     return " ".join(works.split()).partition(";")[0].rstrip(".")
@@ -193,17 +193,17 @@ def replica_effect(
     if not all(isinstance(number, Real) and isfinite(number) for number in numbers):
         words = f"constants must give a dict of finite numbers by name, not {constants!r}"
         raise BadInput(f"effects.{effect.name}: {words}")
-    start = initial_state(effect, params, strength, conditions)
+    start = state_at_entry(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
 
 
-def longest_reaches(effects: Sequence[ReplicaEffect]) -> tuple[float, float]:
+def longest_effect_reaches(effects: Sequence[ReplicaEffect]) -> tuple[float, float]:
     """Longest gaps across which effects act, between any grains and some that have not touched [m]."""
     free = (one.reach for one in effects if not one.effect.after_touch)
     return max((one.reach for one in effects), default=0.0), max(free, default=0.0)
 
 
-def initial_state(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:
+def state_at_entry(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:
     """State variables of a grain that enters; empty for an effect without them."""
     if effect.grain_state is None:
         return {}
@@ -211,7 +211,7 @@ def initial_state(effect: Effect, params: Any, strength: float, conditions: Cond
     return asdict(effect.grain_state() if begin is None else begin(params, strength, conditions))
 
 
-def pair_type() -> Any:
+def pair_struct_type() -> Any:
     """Struct that a pair effect reads: two grains, or a grain and a wall."""
     from taichi_erosion.core.ti import ti  # most of what knows effects needs no compiler
 
@@ -232,7 +232,7 @@ def pair_type() -> Any:
     )
 
 
-def first_contact_type() -> Any:
+def first_contact_struct_type() -> Any:
     """Struct that a first-contact effect reads: two grains that begin to overlap."""
     from taichi_erosion.core.ti import ti
 
@@ -243,7 +243,7 @@ def first_contact_type() -> Any:
     )
 
 
-def compile_grain_type(drag_law: Any) -> Any:
+def grain_struct_type(drag_law: Any) -> Any:
     """Struct that a grain effect reads: one grain and the air around it.
 
     `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1], times the

@@ -50,7 +50,7 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
     stateful = tuple(effect.grain_state is not None for effect in effects)
     bound = DeviceEffects(
         functions=tuple(effect.act for effect in effects),
-        constants=tuple(struct_field(list(one.constants), count) for one in examples),
+        constants=tuple(allocate_struct_field(list(one.constants), count) for one in examples),
         names=tuple(effect.name for effect in effects),
         present=ti.field(ti.i32, shape=(count, max(len(effects), 1))),
         any=bool(effects),
@@ -63,17 +63,17 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         has_gust=tuple(effect.gust is not None for effect in effects),
         any_gust=any(effect.gust is not None for effect in effects),
         stateful=stateful,
-        states=tuple(struct_field(list(one.initial_state), grain_places + 1) for one in examples),
-        initial_states=tuple(struct_field(list(one.initial_state), count) for one in examples),
+        states=tuple(allocate_struct_field(list(one.initial_state), grain_places + 1) for one in examples),
+        initial_states=tuple(allocate_struct_field(list(one.initial_state), count) for one in examples),
         updates=tuple(effect.update_state for effect in effects),
         wall_place=grain_places,
         has_state=any(stateful),
     )
-    write_constants(bound, replicas)
+    write_effect_constants(bound, replicas)
     return bound
 
 
-def write_constants(
+def write_effect_constants(
     effects: DeviceEffects, replicas: Sequence[Sequence[ReplicaEffect]], first: int = 0
 ) -> None:
     """Write presence and constants of effects for the replicas from the first on; states of grains stay.
@@ -89,7 +89,7 @@ def write_constants(
     write_field(effects.present, present)
 
 
-def struct_field(names: Sequence[str], places: int) -> Any:
+def allocate_struct_field(names: Sequence[str], places: int) -> Any:
     """Field of one struct of reals a place; None without names."""
     return ti.types.struct(**dict.fromkeys(names, float)).field(shape=places) if names else None
 
@@ -100,7 +100,7 @@ def write_table(table: Any, rows: Sequence[Constants], first: int) -> None:
         upload([(getattr(table, name), [row.get(name, 0.0) for row in rows]) for name in table.keys], first)
 
 
-def state_fields(effects: DeviceEffects) -> dict[str, tuple[Any, Any]]:
+def effect_state_fields(effects: DeviceEffects) -> dict[str, tuple[Any, Any]]:
     """By `effect.variable`: field of a state variable by grain place, and of its initial value by replica."""
     return {
         f"{name}.{variable}": (getattr(state, variable), getattr(start, variable))
@@ -111,7 +111,7 @@ def state_fields(effects: DeviceEffects) -> dict[str, tuple[Any, Any]]:
 
 
 @ti.func
-def pair_effect(effects: ti.template(), k: ti.template(), r, pair: ti.template(), i, j):
+def evaluate_pair_effect(effects: ti.template(), k: ti.template(), r, pair: ti.template(), i, j):
     """Attraction, or force vector on place i, of effect k between places i and j [N]."""
     if ti.static(effects.stateful[k]):
         return effects.functions[k](effects.constants[k][r], pair, effects.states[k][i], effects.states[k][j])
@@ -126,7 +126,7 @@ def total_attraction(effects: ti.template(), r, pair: ti.template(), i, j):
     for k in ti.static(range(len(effects.functions))):
         if ti.static(not effects.vector[k]):
             if effects.present[r, k] == 1:
-                total += pair_effect(effects, k, r, pair, i, j)
+                total += evaluate_pair_effect(effects, k, r, pair, i, j)
     return total
 
 
@@ -137,12 +137,12 @@ def total_vector_force(effects: ti.template(), r, pair: ti.template(), i, j):
     for k in ti.static(range(len(effects.functions))):
         if ti.static(effects.vector[k]):
             if effects.present[r, k] == 1:
-                total += pair_effect(effects, k, r, pair, i, j).xyz  # a number has no xyz
+                total += evaluate_pair_effect(effects, k, r, pair, i, j).xyz  # a number has no xyz
     return total
 
 
 @ti.func
-def any_passes(effects: ti.template(), r, contact: ti.template()):
+def any_lets_pass(effects: ti.template(), r, contact: ti.template()):
     """Whether any first-contact effect of replica r lets the two grains pass through each other."""
     free = 0
     for k in ti.static(range(len(effects.functions))):
@@ -152,7 +152,7 @@ def any_passes(effects: ti.template(), r, contact: ti.template()):
 
 
 @ti.func
-def grain_effect(effects: ti.template(), k: ti.template(), r, grain: ti.template(), i):
+def evaluate_grain_effect(effects: ti.template(), k: ti.template(), r, grain: ti.template(), i):
     """Force [N] and torque [N m] of effect k on place i."""
     if ti.static(effects.stateful[k]):
         return effects.functions[k](effects.constants[k][r], grain, effects.states[k][i])
@@ -206,14 +206,14 @@ def total_grain_force(effects: ti.template(), r, grain: ti.template(), i):
     torque = force
     for k in ti.static(range(len(effects.functions))):
         if effects.present[r, k] == 1:
-            part, moment = grain_effect(effects, k, r, grain, i)
+            part, moment = evaluate_grain_effect(effects, k, r, grain, i)
             force += part.xyz  # a number has no xyz: it would count along all three axes
             torque += moment.xyz
     return force, torque
 
 
 @ti.func
-def update_states(effects_out: ti.template(), r, grain: ti.template(), i):
+def advance_states(effects_out: ti.template(), r, grain: ti.template(), i):
     """Advance the state variables of the grain at place i by one exchange interval.
 
     Writes effects_out.states.
@@ -226,7 +226,7 @@ def update_states(effects_out: ti.template(), r, grain: ti.template(), i):
 
 
 @ti.func
-def move_states(effects_out: ti.template(), k, i):
+def copy_effect_states(effects_out: ti.template(), k, i):
     """Copy the state variables of place i to place k."""
     for n in ti.static(range(len(effects_out.functions))):
         if ti.static(effects_out.stateful[n]):
@@ -234,7 +234,7 @@ def move_states(effects_out: ti.template(), k, i):
 
 
 @ti.func
-def set_initial_states(effects_out: ti.template(), r, i):
+def set_initial_effect_states(effects_out: ti.template(), r, i):
     """State variables of a grain that enters at place i."""
     for k in ti.static(range(len(effects_out.functions))):
         if ti.static(effects_out.stateful[k]):

@@ -61,7 +61,7 @@ def short_path(path: Path) -> str:
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
-def tell_execution(path: Path, named_by: str) -> None:
+def announce_file(path: Path, named_by: str) -> None:
     """Write `executes FILE (named by SCENE-OR-STUDY)` on stderr, once a file, before it runs."""
     file = path.resolve()
     if file not in NAMED:
@@ -80,7 +80,7 @@ def read_effect_file(path: Path, named_by: str = OPTION) -> EffectFile:
         raise BadInput(f"{name}: no such Python file") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{name}: cannot be read: {error}") from None
-    tell_execution(path, named_by)
+    announce_file(path, named_by)
     return file
 
 
@@ -94,10 +94,10 @@ def read_effect_files(
 @lru_cache(maxsize=MOST_FILES)
 def effect_in(file: EffectFile) -> Effect:
     """The effect that a file defines; the file is executed once. Raises BadInput."""
-    return checked_effect(getattr(execute(file), MEMBER, None), str(file))
+    return require_effect(getattr(execute_text(file), MEMBER, None), str(file))
 
 
-def checked_effect(effect: Any, origin: str) -> Effect:
+def require_effect(effect: Any, origin: str) -> Effect:
     """The effect itself. Raises BadInput for anything else, or one of another interface."""
     if not isinstance(effect, Effect):
         raise BadInput(f"{origin}: holds no {MEMBER} = Effect(...); {REMEDY}")
@@ -106,7 +106,7 @@ def checked_effect(effect: Any, origin: str) -> Effect:
     return effect
 
 
-def execute(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
+def execute_text(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
     """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
     name, source = f"effect_file_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
     linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)
@@ -152,7 +152,7 @@ def failures_of(effect: Effect, function: str) -> Iterator[None]:
         message = f"its {function} failed{line_of(error)}: {error_text(error)}"
         if isinstance(error, KeyError):
             message = f"its {function} reads {error}, which the scene does not state under [conditions]"
-        raise BadInput(compile_failure(error) or f"effects.{effect.name}: {message}") from None
+        raise BadInput(compile_failure_text(error) or f"effects.{effect.name}: {message}") from None
 
 
 def line_of(error: BaseException) -> str:
@@ -165,7 +165,7 @@ def line_of(error: BaseException) -> str:
     return place
 
 
-def compile_failure(error: Exception) -> str | None:
+def compile_failure_text(error: Exception) -> str | None:
     """Place and reason where a device function of an effect file cannot be compiled or used, else None."""
     places = COMPILED.findall(str(error))
     if not places and USE not in str(error):
@@ -178,7 +178,7 @@ def compile_failure(error: Exception) -> str | None:
     return f"{Path(path).name}: line {line}, in {function}: cannot be compiled: {last}{hint}"
 
 
-def checked_number(effect: Effect, value: Any) -> float:
+def require_number(effect: Effect, value: Any) -> float:
     """The number that an instrument gives. Raises BadInput for anything else."""
     if not isinstance(value, Real):
         raise BadInput(f"effects.{effect.name}: its act gives {value!r}, not a number")

@@ -21,22 +21,22 @@ from taichi_erosion.core.effect import (
     Conditions,
     Effect,
     Probe,
-    compile_grain_type,
-    first_contact_type,
-    initial_state,
-    pair_type,
+    first_contact_struct_type,
+    grain_struct_type,
+    pair_struct_type,
     replica_effect,
+    state_at_entry,
 )
 from taichi_erosion.core.effect_device import (
     DeviceEffects,
     add_gusts,
-    any_passes,
+    advance_states,
+    any_lets_pass,
     bind,
     total_attraction,
     total_drag_factor,
     total_grain_force,
     total_vector_force,
-    update_states,
 )
 from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.ti import ti
@@ -98,16 +98,16 @@ def stokes_drag(slip, radius, mass, density, viscosity, void):
     return 6.0 * pi * density * viscosity * radius / mass
 
 
-def make_bench(drag_law: Any = stokes_drag) -> Bench:
+def allocate_bench(drag_law: Any = stokes_drag) -> Bench:
     """Fields of one pair, first contact and grain on the device, which must have been started."""
     force, torque = (ti.Vector.field(3, float, shape=1) for _ in range(2))
-    kinds = (pair_type(), first_contact_type(), compile_grain_type(drag_law))
+    kinds = (pair_struct_type(), first_contact_struct_type(), grain_struct_type(drag_law))
     pair, contact, grain = (kind.field(shape=1) for kind in kinds)
     return Bench(pair, contact, grain, ti.field(float, shape=1), force, torque)
 
 
 @ti.kernel
-def evaluate_pair(
+def evaluate_bench_pair(
     effects: ti.template(), pairs: ti.template(), attraction_out: ti.template(), force_out: ti.template()
 ):
     for i in attraction_out:
@@ -118,14 +118,14 @@ def evaluate_pair(
 
 
 @ti.kernel
-def evaluate_first_contact(effects: ti.template(), contacts: ti.template(), passes_out: ti.template()):
+def evaluate_bench_contact(effects: ti.template(), contacts: ti.template(), passes_out: ti.template()):
     for i in passes_out:
         contact = contacts[i]
-        passes_out[i] = ti.cast(any_passes(effects, 0, contact), float)
+        passes_out[i] = ti.cast(any_lets_pass(effects, 0, contact), float)
 
 
 @ti.kernel
-def evaluate_grain(
+def evaluate_bench_grain(
     effects: ti.template(), grains: ti.template(), force_out: ti.template(), torque_out: ti.template()
 ):
     for i in force_out:
@@ -143,14 +143,14 @@ def evaluate_grain(
 
 
 @ti.kernel
-def advance_state(grains: ti.template(), effects_out: ti.template()):
+def advance_bench_state(grains: ti.template(), effects_out: ti.template()):
     """Writes `effects_out`: states."""
     for i in grains:
         grain = grains[i]
-        update_states(effects_out, 0, grain, PLACE_I)
+        advance_states(effects_out, 0, grain, PLACE_I)
 
 
-def probe_of(effect: Effect, bench: Bench) -> Probe:
+def make_probe(effect: Effect, bench: Bench) -> Probe:
     """Function (params, conditions, strength=1, **members of the place) -> result of the effect there."""
     if effect.place == "scene":
         return lambda params, conditions, scene, strength=1.0: effect.act(params, strength, conditions, scene)
@@ -158,10 +158,10 @@ def probe_of(effect: Effect, bench: Bench) -> Probe:
         return lambda params, conditions, observable, value, strength=1.0: effect.act(
             params, strength, conditions, observable, value
         )
-    return device_probe(effect, bench)
+    return make_device_probe(effect, bench)
 
 
-def device_probe(effect: Effect, bench: Bench) -> Probe:
+def make_device_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect on the device; members that are not named are 0."""
     assert effect.constants is not None
     constants = effect.constants
@@ -175,16 +175,16 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
         advances = "state_before" in members
         state_i = members.pop("state_before" if advances else "state_i", None)
         if effect.grain_state is not None:
-            fresh = effect.grain_state(**initial_state(effect, params, strength, conditions))
+            fresh = effect.grain_state(**state_at_entry(effect, params, strength, conditions))
             for at, state in ((PLACE_I, state_i), (PLACE_J, members.pop("state_j", None))):
                 numbers = asdict(state or fresh).items()
                 upload([(getattr(effects.states[0], name), [value]) for name, value in numbers], at)
         place = bench.grain if advances else getattr(bench, effect.place)
         set_members(place, members)
         if not advances:
-            return evaluate_effect(effect, effects, bench)
+            return evaluate_on_bench(effect, effects, bench)
         assert effect.grain_state is not None
-        advance_state(bench.grain, effects)
+        advance_bench_state(bench.grain, effects)
         names = [f.name for f in fields(effect.grain_state)]
         after = download([getattr(effects.states[0], name) for name in names], PLACE_I, 1)
         return effect.grain_state(**{name: float(one[0]) for name, one in zip(names, after, strict=True)})
@@ -198,15 +198,15 @@ def set_members(place: Any, members: Mapping[str, Any]) -> None:
     upload([(getattr(place, name), [value]) for name, value in (zeros | dict(members)).items()])
 
 
-def evaluate_effect(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
+def evaluate_on_bench(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
     """Result of an effect for the pair, first contact or grain of the bench."""
     if effect.place == "grain":
-        evaluate_grain(effects, bench.grain, bench.force, bench.torque)
+        evaluate_bench_grain(effects, bench.grain, bench.force, bench.torque)
         return tuple(download_field(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
     if effect.place == "pair":
-        evaluate_pair(effects, bench.pair, bench.scalar, bench.force)
+        evaluate_bench_pair(effects, bench.pair, bench.scalar, bench.force)
     else:
-        evaluate_first_contact(effects, bench.first_contact, bench.scalar)
+        evaluate_bench_contact(effects, bench.first_contact, bench.scalar)
     return (
         download_field(bench.force)[0].astype(np.float64)
         if effect.vector
@@ -214,10 +214,10 @@ def evaluate_effect(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any
     )
 
 
-def falsify(probe: Probe, name: str, factor: float) -> Probe:
+def falsify_parameter(probe: Probe, name: str, factor: float) -> Probe:
     """The same probe with one parameter made wrong by a factor."""
 
-    def wrong(params: Any, conditions: Conditions, **members: Any) -> Any:
+    def wrong_probe(params: Any, conditions: Conditions, **members: Any) -> Any:
         return probe(replace(params, **{name: factor * getattr(params, name)}), conditions, **members)
 
-    return wrong
+    return wrong_probe

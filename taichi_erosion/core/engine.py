@@ -59,7 +59,7 @@ def is_device_function(function: Any) -> bool:
     return bool(getattr(function, f"_is_{engine_name()}_function", False))
 
 
-def take_shortcuts() -> None:
+def speed_up_front_end() -> None:
     """Replace internals of the front end of the engine, which has been imported."""
     engine = engine_name()
     kernel_impl: Any = import_module(f"{engine}.lang.kernel_impl")
@@ -67,25 +67,25 @@ def take_shortcuts() -> None:
     path, readers = READERS[engine]
     module: Any = import_module(path)
     for name in readers:
-        setattr(module, name, once_a_code(getattr(module, name)))
+        setattr(module, name, cache_by_code(getattr(module, name)))
     module.textwrap = SimpleNamespace(  # a line is not wrapped: without its end, tabs as spaces
         fill=lambda line, tabsize, width: line.rstrip().expandtabs(tabsize), dedent=textwrap.dedent
     )
     if engine == "taichi":
         cache_positions()
     else:
-        build_once()
+        skip_first_build()
 
 
-def once_a_code(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def cache_by_code(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """A function of a function with its answers cached; functions of one closure share their code."""
     results: dict[Any, Any] = {}
 
-    def answer(function: Any) -> Any:
+    def cached_answer(function: Any) -> Any:
         code = function.__code__
         return results.get(code) or results.setdefault(code, read(function))
 
-    return answer
+    return cached_answer
 
 
 def cache_positions() -> None:
@@ -110,7 +110,7 @@ def position_text(context: Any, node: Any) -> str:
     return f"{place}, in {context.func.func.__name__}:\n{line}\n{' ' * first}{'^' * (last - first)}\n"
 
 
-def build_once() -> None:
+def skip_first_build() -> None:
     """Quadrants leaves out what it does for dataclasses: the first building of a kernel, and a search."""
     kernel: Any = import_module("quadrants.lang.kernel").Kernel
     dataclasses: Any = import_module("quadrants.lang._kernel_impl_dataclass")

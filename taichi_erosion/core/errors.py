@@ -36,7 +36,7 @@ class SimulationStopped(Exception):
     """Simulation ended by a guard; one line with grains, time and likely cause (ExitCode.STOPPED)."""
 
 
-def nearest(word: str, choices: Iterable[str]) -> str | None:
+def nearest_word(word: str, choices: Iterable[str]) -> str | None:
     """Known name that a word is close to, as a whole or in one part of it (`friktion`, `rolling`)."""
     names = list(choices)
     parts = {part: name for name in reversed(names) for part in PART.split(name)}
@@ -49,5 +49,5 @@ def nearest(word: str, choices: Iterable[str]) -> str | None:
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
     """`; did you mean X?` where a known name is near; empty otherwise."""
-    near = nearest(word, names)
+    near = nearest_word(word, names)
     return f"; did you mean {near}?" if near else ""

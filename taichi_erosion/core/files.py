@@ -39,7 +39,7 @@ def one_line_name(path: str | Path) -> str:
     return str(path).replace("\n", "?")
 
 
-def regular_file(path: Path) -> Path:
+def require_regular_file(path: Path) -> Path:
     """The path of a regular file. Raises OSError for a pipe, a device, a folder or nothing."""
     path.stat()
     if not path.is_file():
@@ -49,7 +49,7 @@ def regular_file(path: Path) -> Path:
 
 def read_text_file(path: Path, encoding: str = "utf-8") -> str:
     """Content of a text file. Raises OSError for no regular file, ValueError for no text."""
-    return regular_file(path).read_text(encoding=encoding)
+    return require_regular_file(path).read_text(encoding=encoding)
 
 
 def part_path(path: Path) -> Path:
@@ -57,7 +57,7 @@ def part_path(path: Path) -> Path:
     return path.with_name(path.name + PART_SUFFIX)
 
 
-def make_parent(path: Path) -> None:
+def make_parent_folder(path: Path) -> None:
     """Make the parent folder of a file. Raises BadInput where it cannot be made, or a folder has the name."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ def make_parent(path: Path) -> None:
 
 def check_writable(path: Path) -> None:
     """Raise BadInput where a file cannot be made."""
-    make_parent(path)
+    make_parent_folder(path)
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             return
@@ -100,7 +100,7 @@ def atomic_file(path: Path) -> Iterator[BinaryIO]:
 
 def write_atomic(path: Path, content: bytes) -> Path:
     """Write a file as `atomic_file` does. Raises BadInput where it cannot be written."""
-    make_parent(path)
+    make_parent_folder(path)
     try:
         with atomic_file(path) as file:
             file.write(content)
@@ -109,44 +109,44 @@ def write_atomic(path: Path, content: bytes) -> Path:
     return path
 
 
-def digest_of(content: bytes) -> str:
+def content_digest(content: bytes) -> str:
     """Digest of a content."""
     return sha256(content).hexdigest()[:DIGEST_LENGTH]
 
 
-def mark_of(path: Path, source: Path, content: bytes | None = None) -> str:
+def source_mark(path: Path, source: Path, content: bytes | None = None) -> str:
     """Mark of a file made from a source, with the digest of its content where it is given."""
     relative = os.path.relpath(source.absolute(), path.absolute().parent)
-    digest = "" if content is None else f", content {digest_of(content)}"
+    digest = "" if content is None else f", content {content_digest(content)}"
     return f"made by taichi_erosion from {quote(relative)}{digest};"
 
 
-def marked_toml(path: Path, source: Path, text: str) -> bytes:
+def mark_toml(path: Path, source: Path, text: str) -> bytes:
     """A TOML text below a comment with its mark; an earlier mark goes."""
-    body = without_mark(text).encode()
-    return f"# {mark_of(path, source, body)}\n".encode() + body
+    body = remove_mark(text).encode()
+    return f"# {source_mark(path, source, body)}\n".encode() + body
 
 
-def without_mark(text: str) -> str:
+def remove_mark(text: str) -> str:
     """A TOML text without the comment of its mark."""
     first, newline, rest = text.partition("\n")
     return rest if newline and MARK.search(first.encode()) else text
 
 
-def marked_html(path: Path, source: Path, page: str) -> bytes:
+def mark_html(path: Path, source: Path, page: str) -> bytes:
     """An HTML page with its mark in a comment at the beginning of its head."""
     head, tag, rest = page.partition("<head>")
-    return f"{head}{tag}<!-- {mark_of(path, source)} -->{rest}".encode()
+    return f"{head}{tag}<!-- {source_mark(path, source)} -->{rest}".encode()
 
 
-def marked_png(path: Path, source: Path, picture: bytes) -> bytes:
+def mark_png(path: Path, source: Path, picture: bytes) -> bytes:
     """A PNG with its mark as a text after the header, where readers expect comments."""
-    body = b"tEXt" + b"Comment\0" + mark_of(path, source).encode("latin-1")
+    body = b"tEXt" + b"Comment\0" + source_mark(path, source).encode("latin-1")
     chunk = struct.pack(">I", len(body) - 4) + body + struct.pack(">I", zlib.crc32(body))
     return picture[:PNG_HEADER] + chunk + picture[PNG_HEADER:]
 
 
-def refuse_foreign(path: Path, source: Path, force: bool = False) -> None:
+def refuse_foreign_file(path: Path, source: Path, force: bool = False) -> None:
     """Raise BadInput where a file exists that is not from this source, or was changed since; not by force."""
     if force or not path.exists():
         return
@@ -160,7 +160,7 @@ def refuse_foreign(path: Path, source: Path, force: bool = False) -> None:
     if written_from != source.resolve():
         raise BadInput(f"{path}: exists, made from {unquote(mark[1].decode())}, not from {source}; {REMEDY}")
     _, _, body = content.partition(b"\n")
-    if mark[2] is not None and digest_of(body) != mark[2].decode():
+    if mark[2] is not None and content_digest(body) != mark[2].decode():
         raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
 
 
@@ -190,7 +190,7 @@ class ListedFolder:
             name = path.relative_to(self.path).as_posix()
             if name not in digests:
                 raise BadInput(f"{path}: exists, and this program did not write it; {REMEDY}")
-            if digest_of(path.read_bytes()) != digests[name]:
+            if content_digest(path.read_bytes()) != digests[name]:
                 raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
 
     def write(self, name: str, content: bytes) -> Path:
@@ -201,6 +201,6 @@ class ListedFolder:
 
     def record(self, name: str) -> None:
         """List a file as it is now."""
-        digests = self.digests | {name: digest_of((self.path / name).read_bytes())}
+        digests = self.digests | {name: content_digest((self.path / name).read_bytes())}
         text = json.dumps(dict(sorted(digests.items())), indent=1) + "\n"
         write_atomic(self.path / LIST, text.encode())

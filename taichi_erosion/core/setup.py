@@ -96,7 +96,7 @@ def pair_row(i: int, j: int, materials: int) -> int:
     return low * materials - low * (low - 1) // 2 + high - low
 
 
-def pair_rows(first: int, materials: int) -> Integers:
+def material_pair_rows(first: int, materials: int) -> Integers:
     """Rows [first (first + 1) / 2] of pairs of the `first` materials, in a ContactTable of `materials`."""
     return np.array([pair_row(i, j, materials) for i in range(first) for j in range(i, first)])
 

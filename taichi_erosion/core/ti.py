@@ -7,7 +7,7 @@ here; where they differ, this file says how. `nearest_image` is the one device f
 import os
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.core.engine import engine_name, take_shortcuts
+from taichi_erosion.core.engine import engine_name, speed_up_front_end
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "0")
@@ -36,7 +36,7 @@ else:
 
 __all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "memfence", "nearest_image", "ti"]
 
-take_shortcuts()
+speed_up_front_end()
 
 
 @ti.func

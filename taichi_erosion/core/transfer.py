@@ -27,12 +27,12 @@ MEMBERS = "device_members"  # attribute of a class of device records: names of t
 NUMPY_TYPES = {"f32": np.float32, "f64": np.float64, "i32": np.int32}
 
 
-def is_host() -> bool:
+def is_host_memory() -> bool:
     """Whether fields lie in host memory."""
     return impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
-def inner_shape(field: Any) -> tuple[int, ...]:
+def element_shape(field: Any) -> tuple[int, ...]:
     """Shape of one element of a field."""
     if not hasattr(field, "n"):
         return ()
@@ -40,7 +40,7 @@ def inner_shape(field: Any) -> tuple[int, ...]:
 
 
 @ti.kernel
-def address_of(field: ti.template()) -> ti.u64:
+def field_address(field: ti.template()) -> ti.u64:
     """Address of the first element of a field, whatever the offset of its indices."""
     return ti.get_addr(field, ti.Vector([0 for _ in ti.static(range(len(field.shape)))]))
 
@@ -54,7 +54,7 @@ def distance_from_root(node: Any) -> int:
     return distance
 
 
-def strides_of(shape: tuple[int, ...], step: int) -> tuple[int, ...]:
+def byte_strides(shape: tuple[int, ...], step: int) -> tuple[int, ...]:
     """Bytes from one element to the next along every axis, the last one the fastest."""
     return tuple(step * prod(shape[axis + 1 :]) for axis in range(len(shape)))
 
@@ -78,10 +78,10 @@ def field_view(field: Any) -> NDArray[Any]:
         node = field.snode.ptr
         tree = node.get_snode_tree_id()
         if tree not in views.trees:
-            views.trees[tree] = address_of(field) - distance_from_root(node)
-        shape, inner, cell = field.shape, inner_shape(field), node.parent.cell_size_bytes
+            views.trees[tree] = field_address(field) - distance_from_root(node)
+        shape, inner, cell = field.shape, element_shape(field), node.parent.cell_size_bytes
         number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
-        strides = (*strides_of(shape, cell), *strides_of(inner, number_type.itemsize))
+        strides = (*byte_strides(shape, cell), *byte_strides(inner, number_type.itemsize))
         extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
         numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + distance_from_root(node))
         views.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
@@ -100,26 +100,26 @@ def device_record(kind: type[Kind]) -> type[Kind]:
     return record
 
 
-def members(record: Any) -> tuple[str, ...]:
+def record_members(record: Any) -> tuple[str, ...]:
     """Names of the members of a device record or of its class, empty for anything else."""
     return getattr(record, MEMBERS, ())
 
 
 def device_fields(owner: Any) -> Iterator[Any]:
     """All fields of a device record, those of nested records included."""
-    for name in members(owner):
+    for name in record_members(owner):
         value = getattr(owner, name)
-        if members(value):
+        if record_members(value):
             yield from device_fields(value)
         elif hasattr(value, "dtype") and hasattr(value, "shape"):
             yield value
 
 
-def layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
+def table_layout(fields: list[Any]) -> tuple[tuple[Any, int, int, int], ...]:
     """Field, first column of the table, rows and columns of one element; a scalar has 0 rows."""
     rows, first = [], 0
     for one in fields:
-        shape = (*inner_shape(one), 1, 1)[:2] if hasattr(one, "n") else (0, 1)
+        shape = (*element_shape(one), 1, 1)[:2] if hasattr(one, "n") else (0, 1)
         rows.append((one, first, *shape))
         first += max(shape[0], 1) * shape[1]
     return tuple(rows)
@@ -159,13 +159,13 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
     rows = len(np.asarray(pairs[0][1]))
     if rows == 0:
         return
-    if is_host():
+    if is_host_memory():
         for field, values in pairs:
             set_numbers(field_view(field)[first : first + rows], values)
         return
     columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
     table = np.concatenate(columns, axis=1)
-    write_rows(first, np.ascontiguousarray(table), layout([field for field, _ in pairs]))
+    write_rows(first, np.ascontiguousarray(table), table_layout([field for field, _ in pairs]))
 
 
 def set_numbers(numbers_out: NDArray[Any], values: Any) -> None:
@@ -176,18 +176,18 @@ def set_numbers(numbers_out: NDArray[Any], values: Any) -> None:
 
 def download(fields: list[Any], first: int, rows: int) -> list[NDArray[np.float64]]:
     """Copies of `rows` elements of fields from `first` on: vectors [rows, n], matrices [rows, n, m]."""
-    if is_host():
+    if is_host_memory():
         return [field_view(field)[first : first + rows].astype(np.float64) for field in fields]
-    widths = [prod(inner_shape(field)) for field in fields]
+    widths = [prod(element_shape(field)) for field in fields]
     table = np.zeros((rows, sum(widths)))
     if rows:
-        read_rows(first, layout(fields), table)
+        read_rows(first, table_layout(fields), table)
     splits = np.split(table, np.cumsum(widths)[:-1], axis=1)
-    return [split.reshape(rows, *inner_shape(field)) for split, field in zip(splits, fields, strict=True)]
+    return [split.reshape(rows, *element_shape(field)) for split, field in zip(splits, fields, strict=True)]
 
 
 @ti.kernel
-def fill_line(count: ti.i32, number: ti.f64, column_out: ti.template()):
+def fill_field(count: ti.i32, number: ti.f64, column_out: ti.template()):
     """Every number of a field of one axis; `count` is no constant, so that no more threads start than may."""
     for i in range(count):
         field_out, _, rows, columns = ti.static(column_out)
@@ -202,10 +202,10 @@ def fill_line(count: ti.i32, number: ti.f64, column_out: ti.template()):
 
 def write_field(field: Any, values: Any) -> None:
     """Write a whole field of any shape; a single number fills it."""
-    if is_host():
+    if is_host_memory():
         set_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))
     elif np.ndim(values) == 0 and len(field.shape) == 1:
-        fill_line(field.shape[0], values, layout([field])[0])
+        fill_field(field.shape[0], values, table_layout([field])[0])
     elif np.ndim(values) == 0:
         field.fill(values)
     else:
@@ -214,4 +214,4 @@ def write_field(field: Any, values: Any) -> None:
 
 def download_field(field: Any) -> NDArray[Any]:
     """Copy of a whole field of any shape, in its own type."""
-    return field_view(field).copy() if is_host() else field.to_numpy()
+    return field_view(field).copy() if is_host_memory() else field.to_numpy()

@@ -12,7 +12,7 @@ Stat. 29, 610.
 
 from math import pi
 
-from taichi_erosion.core.effect_device import add_gusts, total_drag_factor, total_grain_force, update_states
+from taichi_erosion.core.effect_device import add_gusts, advance_states, total_drag_factor, total_grain_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
@@ -190,7 +190,7 @@ def gather_grain(world_out: ti.template(), coupling: ti.template(), r, i, update
         grain = grain_record(world_out, coupling, r, i, void, shear)
         if ti.static(world_out.has_state):
             if updates_state:
-                update_states(world_out.pair_effects, r, grain, i)
-                update_states(world_out.grain_effects, r, grain, i)
+                advance_states(world_out.pair_effects, r, grain, i)
+                advance_states(world_out.grain_effects, r, grain, i)
         if ti.static(world_out.grain_effects.any):
             apply_grain_effects(world_out, r, i, grain)

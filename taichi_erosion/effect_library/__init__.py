@@ -20,10 +20,10 @@ from taichi_erosion.core.effect_file import (
     DIGITS,
     MEMBER,
     EffectFile,
-    checked_effect,
     effect_in,
     error_text,
     read_effect_file,
+    require_effect,
 )
 from taichi_erosion.core.errors import BadInput
 
@@ -64,7 +64,7 @@ def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
             message = " ".join(error_text(error).split())
             raise BadInput(f"{entry} of an installed package: {message}") from None
         effect = loaded if isinstance(loaded, Effect) else getattr(loaded, MEMBER, None)
-        add(library, checked_effect(effect, f"{entry} of an installed package"), f"the package's {entry}")
+        add(library, require_effect(effect, f"{entry} of an installed package"), f"the package's {entry}")
     return library
 
 

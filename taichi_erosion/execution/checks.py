@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
+from taichi_erosion.core.effect import STRENGTH, parameter_names, read_effect_entries, strength_warning
 from taichi_erosion.core.effect_file import EffectFile, effect_in, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.observables import OBSERVABLES, measure_files_of_scene
@@ -65,7 +65,7 @@ def effect_range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[
     """Strengths and parameters of effects outside the ranges that the effects declare."""
     for name, entries in scene.effects.items():
         try:
-            read_params(library[name], entries)
+            read_effect_entries(library[name], entries)
         except ValueError as error:
             yield str(error)
 

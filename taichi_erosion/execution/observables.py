@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect_file import EffectFile, error_text, execute, line_of, read_effect_file
+from taichi_erosion.core.effect_file import EffectFile, error_text, execute_text, line_of, read_effect_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
@@ -330,7 +330,7 @@ def measure(name: str, state: MeasureInput) -> Measurement:
 @lru_cache
 def load_measure_file(file: EffectFile) -> tuple[str, Callable[..., Any]]:
     """Unit and function of a file, which is executed once. Raises BadInput where one is missing."""
-    module = execute(file, REMEDY)
+    module = execute_text(file, REMEDY)
     unit, function = getattr(module, "UNIT", None), getattr(module, "measure", None)
     if not isinstance(unit, str) or not callable(function):
         raise BadInput(f"{file}: is no measure; {REMEDY}")

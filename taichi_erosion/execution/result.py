@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.core.effect_file import checked_number, failures_of
+from taichi_erosion.core.effect_file import failures_of, require_number
 from taichi_erosion.core.engine import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
@@ -125,7 +125,7 @@ def apply_instruments(
             continue
         for name, true in read.items():
             with failures_of(effect, "act"):
-                value = checked_number(effect, effect.act(params, strength, conditions, name, true.value))
+                value = require_number(effect, effect.act(params, strength, conditions, name, true.value))
             if isfinite(true.value) and value != true.value:
                 factor = abs(value / true.value) if true.value else 1.0
                 note = f"{true.value:.6g} {true.unit} before {effect.name}"

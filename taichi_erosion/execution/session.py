@@ -26,7 +26,7 @@ from scipy.spatial.distance import cdist
 from taichi_erosion import simulation
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
-from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
+from taichi_erosion.core.files import mark_png, mark_toml, refuse_foreign_file, write_atomic
 from taichi_erosion.core.setup import GrainTable, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
@@ -420,8 +420,8 @@ def write_side_picture(session: Session, path: Path) -> Path:
 
 def write_file(session: Session, path: Path, picture: bytes) -> Path:
     """Write a PNG of this session; one of another scene, or a file of the user, stays."""
-    refuse_foreign(path, session.path)
-    return write_atomic(path, marked_png(path, session.path, picture))
+    refuse_foreign_file(path, session.path)
+    return write_atomic(path, mark_png(path, session.path, picture))
 
 
 def write_session_commands(session: Session, path: Path) -> Path:
@@ -432,8 +432,8 @@ def write_session_commands(session: Session, path: Path) -> Path:
     words += [f"--effect {file.path}" for file in session.effect_files]
     begin = " ".join(["# live", str(session.path), *words, f"--seed {session.seed} < {path.name}"])
     text = "\n".join([begin, *session.history, ""])
-    refuse_foreign(path, session.path)
-    return write_atomic(path, marked_toml(path, session.path, text))
+    refuse_foreign_file(path, session.path)
+    return write_atomic(path, mark_toml(path, session.path, text))
 
 
 def record_session(session: Session, path: Path) -> recorders.Recorder:

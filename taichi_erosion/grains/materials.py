@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.setup import ContactTable, Floats, pair_rows
+from taichi_erosion.core.setup import ContactTable, Floats, material_pair_rows
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, members, upload
+from taichi_erosion.core.transfer import device_record, record_members, upload
 
 TSUJI = 2.0 * sqrt(5.0 / 6.0)  # factor of the damping force of a Hertz contact [1], Tsuji et al. (1992)
 RESTITUTION_LEAST = 1e-6  # stands for every smaller restitution [1]; log(0) has no value
@@ -35,7 +35,7 @@ class Materials:
 
 def allocate_materials(replicas: int, materials: int) -> Materials:
     rows = materials * (materials + 1) // 2
-    names = members(Materials)[2:]
+    names = record_members(Materials)[2:]
     return Materials(materials, rows, **{name: ti.field(float, shape=replicas * rows) for name in names})
 
 
@@ -68,7 +68,7 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
 def material_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
     """Columns of Materials with all rows of one replica."""
     count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
-    rows, columns = pair_rows(count, materials.count), device_columns(table)
+    rows, columns = material_pair_rows(count, materials.count), device_columns(table)
     whole = {name: np.zeros(materials.rows) for name in columns}
     for name, values in columns.items():
         whole[name][rows] = values

@@ -9,7 +9,7 @@ of grains that have not. A rebuild is due as soon as any grain has moved by more
 missed.
 """
 
-from taichi_erosion.core.effect_device import move_states, set_initial_states
+from taichi_erosion.core.effect_device import copy_effect_states, set_initial_effect_states
 from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.grains.cells import (
     cell_coordinates,
@@ -202,8 +202,8 @@ def release_grain(world_out: ti.template(), r, rank):
     if ti.static(world_out.sleeps):
         clear_sleep(world_out.sleep, i)
     if ti.static(world_out.has_state):
-        set_initial_states(world_out.pair_effects, r, i)
-        set_initial_states(world_out.grain_effects, r, i)
+        set_initial_effect_states(world_out.pair_effects, r, i)
+        set_initial_effect_states(world_out.grain_effects, r, i)
     for bounds_out in ti.static((world_out.pairs, world_out.wall_pairs)):
         bounds_out.start[i] = 0
         bounds_out.stop[i] = 0
@@ -254,8 +254,8 @@ def move_grain(world_out: ti.template(), r, rank):
     if ti.static(world_out.sleeps):
         move_sleep(world_out.sleep, k, i)
     if ti.static(world_out.has_state):
-        move_states(world_out.pair_effects, k, i)
-        move_states(world_out.grain_effects, k, i)
+        copy_effect_states(world_out.pair_effects, k, i)
+        copy_effect_states(world_out.grain_effects, k, i)
 
 
 @ti.func

@@ -4,7 +4,7 @@ Pairs within reach fill the lanes of a batch (`grains.simd_batch`), the contact 
 the forces are scattered to the grains.
 """
 
-from taichi_erosion.core.effect_device import any_passes, total_attraction, total_vector_force
+from taichi_erosion.core.effect_device import any_lets_pass, total_attraction, total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT, end_contact
@@ -132,7 +132,7 @@ def passes_through(world: ti.template(), r, e, i, j, overlap):
             depth=overlap / world.pairs.root_radius[e] ** 2,
             chance=pair_random(grains.ident[i], grains.ident[j]),
         )
-        free = any_passes(world.first_contact_effects, r, contact)
+        free = any_lets_pass(world.first_contact_effects, r, contact)
     return free
 
 

@@ -11,7 +11,7 @@ the small displacement since then, so that single precision resolves overlaps of
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, is_host
+from taichi_erosion.core.transfer import device_record, is_host_memory
 
 REBUILD = 1  # of Replicas.need: a grain has left its skin
 STOP = 2  # of Replicas.need: two bodies overlap beyond the limit
@@ -108,7 +108,7 @@ def new_field(kind: str, **shape: Any) -> Any:
     """Field of a kind such as `i32`, `real` (the run's precision), `f64x3` (vectors of three)."""
     dtype: Any = {"i32": ti.i32, "real": float, "f64": ti.f64}[kind.partition("x")[0]]
     size = kind.partition("x")[2]
-    if size and shape and not is_host():
+    if size and shape and not is_host_memory():
         shape["layout"] = ti.Layout.SOA
     return ti.Vector.field(int(size), dtype, **shape) if size else ti.field(dtype, **shape)
 
@@ -119,7 +119,7 @@ def block(shape: int | tuple[int, int], **kinds: str) -> dict[str, Any]:
     On a graphics processor every component is an array by itself: neighbouring threads read neighbouring
     numbers.
     """
-    if not is_host():
+    if not is_host_memory():
         return arrays(shape, **kinds)
     table = {name: new_field(kind) for kind, names in kinds.items() for name in names.split()}
     ti.root.dense(ti.i if isinstance(shape, int) else ti.ij, shape).place(*table.values())

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import regular_file
+from taichi_erosion.core.files import require_regular_file
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures import silhouette
 from taichi_erosion.measures.result import Measurement, as_record
@@ -199,7 +199,7 @@ def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int
 def read_grey_picture(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright."""
     try:
-        with Image.open(regular_file(path)) as opened:
+        with Image.open(require_regular_file(path)) as opened:
             picture = ImageOps.exif_transpose(opened)
             if picture.mode.startswith("I"):  # 16 bits
                 return np.asarray(picture, dtype=float) / DEEPEST

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import mark_of, marked_png, refuse_foreign, write_atomic
+from taichi_erosion.core.files import mark_png, refuse_foreign_file, source_mark, write_atomic
 from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields, Snapshot
 from taichi_erosion.recording import readback
 from taichi_erosion.recording.pictures import SideView, force_chain_picture, png_bytes
@@ -120,15 +120,15 @@ def export_netcdf(recording: Path, folder: Path, force: bool = False) -> Path:
     tables |= {"contacts": contact_table(networks)} if (networks := readback.read_contacts(recording)) else {}
     tables |= {"fields": field_table(fields)} if (fields := readback.read_fields(recording)) else {}
     for name, table in tables.items():
-        refuse_foreign(folder / f"{name}.nc", recording, force)
-        table.attrs["source"] = mark_of(folder / f"{name}.nc", recording)
+        refuse_foreign_file(folder / f"{name}.nc", recording, force)
+        table.attrs["source"] = source_mark(folder / f"{name}.nc", recording)
         write_atomic(folder / f"{name}.nc", bytes(table.to_netcdf()))
     return folder
 
 
 def export_chains(recording: Path, picture: Path, moment: float | None = None, force: bool = False) -> Path:
     """Write the force chains at a moment [s], or at the end, seen from the side (PNG). Raises BadInput."""
-    refuse_foreign(picture, recording, force)
+    refuse_foreign_file(picture, recording, force)
     networks, frames = readback.read_contacts(recording), readback.read_grains(recording)
     if not networks:
         raise BadInput(f"{recording}: {NO_CONTACTS}")
@@ -139,7 +139,7 @@ def export_chains(recording: Path, picture: Path, moment: float | None = None, f
     frame = next(one for one in frames if one.time == network.time)
     walls = [(track, track.at(frame.time)) for track in readback.read_walls(recording)]
     meshes = [WallMesh(one.name, at, one.triangles, False) for one, at in walls if at is not None]
-    return write_atomic(picture, marked_png(picture, recording, force_chain_png(frame, network, meshes)))
+    return write_atomic(picture, mark_png(picture, recording, force_chain_png(frame, network, meshes)))
 
 
 def force_chain_png(frame: readback.GrainFrame, network: ContactNetwork, walls: Sequence[WallMesh]) -> bytes:
@@ -158,7 +158,7 @@ def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
     Open the list in ParaView and draw the points of grains as spheres scaled by `radius` [m]. Raises BadInput
     where the recording holds no frame, the folder cannot be written, or it holds frames of something else.
     """
-    refuse_foreign(folder / COLLECTION, recording, force)
+    refuse_foreign_file(folder / COLLECTION, recording, force)
     if not force and not (folder / COLLECTION).exists() and any(folder.glob("grains_*.vtu")):
         raise BadInput(f"{folder}: holds grains_*.vtu of something else; name another folder or give --force")
     frames, walls = readback.read_grains(recording), readback.read_walls(recording)
@@ -227,5 +227,5 @@ def write_collection(folder: Path, parts: Sequence[tuple[float, int, str]], reco
     for time, part, name in parts:
         entry = {"timestep": f"{time:.9g}", "part": str(part), "file": name}
         ElementTree.SubElement(collection, "DataSet", entry)
-    root.insert(0, ElementTree.Comment(f" {mark_of(folder / COLLECTION, recording)} "))
+    root.insert(0, ElementTree.Comment(f" {source_mark(folder / COLLECTION, recording)} "))
     return write_atomic(folder / COLLECTION, ElementTree.tostring(root, xml_declaration=True))

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import make_parent, part_path
+from taichi_erosion.core.files import make_parent_folder, part_path
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot, Totals
 from taichi_erosion.recording import blueprint as blueprints
@@ -131,7 +131,7 @@ def lock_part_file(part: Path) -> BufferedWriter:
 
 def open_stream(path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION) -> Recording:
     """Begin PATH.part with its name and blueprint. Raises BadInput where the file cannot be written."""
-    make_parent(path)
+    make_parent_folder(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(application, recording_id=path.stem, batcher_config=batches)
     try:

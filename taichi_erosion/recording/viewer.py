@@ -16,7 +16,7 @@ from urllib.parse import quote
 from urllib.request import urlopen
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import marked_png, write_atomic
+from taichi_erosion.core.files import mark_png, write_atomic
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.readback import NANOSECOND, readable_file
 
@@ -151,7 +151,7 @@ def render_picture(
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")
         picture = screenshot(client, views[view] if view else None)
-        return write_atomic(out, marked_png(out, source or path, picture))
+        return write_atomic(out, mark_png(out, source or path, picture))
 
 
 def screenshot(client: "ViewerClient", view_id: str | None = None) -> bytes:

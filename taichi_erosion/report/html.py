@@ -13,14 +13,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from taichi_erosion import __version__
-from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
+from taichi_erosion.core.files import mark_html, refuse_foreign_file, write_atomic
 from taichi_erosion.tables.number_words import plain
 
 
 def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:
     """Write the page of a source; a file that is not its page stays unless forced. Raises BadInput."""
-    refuse_foreign(to, source, force)
-    return write_atomic(to, marked_html(to, source, render(template, fields)))
+    refuse_foreign_file(to, source, force)
+    return write_atomic(to, mark_html(to, source, render(template, fields)))
 
 
 def render(template: str, fields: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import atomic_file, make_parent, regular_file
+from taichi_erosion.core.files import atomic_file, make_parent_folder, require_regular_file
 
 # the number is raised when the layout of the file, or what a state holds, changes
 SCHEMA = f"checkpoint 9 of taichi_erosion {__version__}"
@@ -26,7 +26,7 @@ def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
     The file grows beside its place, is forced to the disk, and then takes the place in one step: a crash at
     any moment leaves the previous checkpoint.
     """
-    make_parent(path)
+    make_parent_folder(path)
     head = json.dumps({"schema": SCHEMA, "meta": meta})
     members: Arrays = {HEAD: np.frombuffer(head.encode(), dtype=np.uint8)}
     members.update({STATE + name: values for name, values in state.items()})
@@ -40,7 +40,7 @@ def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:
 def is_checkpoint(path: Path) -> bool:
     """Whether a file is a checkpoint of this program, of any version."""
     try:
-        with zipfile.ZipFile(regular_file(path)) as members:
+        with zipfile.ZipFile(require_regular_file(path)) as members:
             return f"{HEAD}.npy" in members.namelist()
     except (OSError, zipfile.BadZipFile):
         return False
@@ -52,7 +52,7 @@ def load_checkpoint(path: Path) -> tuple[Arrays, dict[str, Any]]:
     A run continues bit for bit only with the code that wrote it: another version of the package is refused.
     """
     try:
-        with regular_file(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
+        with require_regular_file(path).open("rb") as file, np.load(file, allow_pickle=False) as members:
             head = json.loads(bytes(members[HEAD]).decode())
             schema, meta = head["schema"], dict(head["meta"])
             state = {name.removeprefix(STATE): members[name] for name in members.files if name != HEAD}

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
-from taichi_erosion.core.effect import first_contact_type, longest_reaches, pair_type
-from taichi_erosion.core.effect_device import DeviceEffects, bind, write_constants
+from taichi_erosion.core.effect import first_contact_struct_type, longest_effect_reaches, pair_struct_type
+from taichi_erosion.core.effect_device import DeviceEffects, bind, write_effect_constants
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import impl
@@ -107,9 +107,9 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
         has_clumps=setups[0].clumps is not None,
         clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,
-        pair_type=pair_type(),
+        pair_type=pair_struct_type(),
         first_contact_effects=bind("first_contact", effects),
-        first_contact_type=first_contact_type(),
+        first_contact_type=first_contact_struct_type(),
         grain_effects=grain_effects,
         has_state=pair_effects.has_state or grain_effects.has_state,
         has_external_forces=external,
@@ -147,7 +147,7 @@ def contact_gap_reach_of_setup(setup: Setup, laws: ContactLaws) -> tuple[float, 
     table, largest = setup.contacts, float(setup.grains.radius.max())
     reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
     law_reach = reach if np.isfinite(reach) else 0.0
-    longest, free = longest_reaches(setup.effects)
+    longest, free = longest_effect_reaches(setup.effects)
     return max(law_reach, longest), max(law_reach, longest) - max(law_reach, free)
 
 
@@ -240,7 +240,7 @@ def reuse_or_assemble(
     before.setups = setup_list
     everyone = pad_setups_with_copies(setup_list, before.capacities)
     for effects in device_effects_by_place(before.world).values():
-        write_constants(effects, [setup.effects for setup in everyone])
+        write_effect_constants(effects, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
     release_initial_grains(before)

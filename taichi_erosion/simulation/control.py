@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.effect import ReplicaEffect, longest_reaches
-from taichi_erosion.core.effect_device import write_constants
+from taichi_erosion.core.effect import ReplicaEffect, longest_effect_reaches
+from taichi_erosion.core.effect_device import write_effect_constants
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import upload_materials
@@ -107,13 +107,13 @@ def set_replica_effects(sim: Simulation, replica: int, effects: Sequence[Replica
     the cells.
     """
     before = sim.setups[replica].effects
-    if np.any(np.greater(longest_reaches(effects), longest_reaches(before))):
+    if np.any(np.greater(longest_effect_reaches(effects), longest_effect_reaches(before))):
         return False
     bounds = device_effects_by_place(sim.world)
     if any(e.effect.name not in bounds[e.effect.place].names for e in effects):
         return False
     for place, of_place in bounds.items():
-        write_constants(of_place, [[e for e in effects if e.effect.place == place]], replica)
+        write_effect_constants(of_place, [[e for e in effects if e.effect.place == place]], replica)
     sim.setups[replica] = replace(sim.setups[replica], effects=tuple(effects))
     return True
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect_device import state_fields
-from taichi_erosion.core.transfer import download, download_field, members, upload, write_field
+from taichi_erosion.core.effect_device import effect_state_fields
+from taichi_erosion.core.transfer import download, download_field, record_members, upload, write_field
 from taichi_erosion.grains.clumps import NOWHERE
 from taichi_erosion.grains.frozen_drag import FrozenDrag
 from taichi_erosion.grains.neighbour_list import ENGAGED
@@ -35,7 +35,7 @@ AIR_CELLS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "exchange_force", "eddy_face"),
 )
-FROZEN = members(FrozenDrag)
+FROZEN = record_members(FrozenDrag)
 AIR_NUMBERS = ("time", "friction_velocity")
 EXCHANGE = ("residual_momentum", "rise_velocity", "pressure_lift", "through_flow")
 # likewise of a grid of air alone
@@ -280,8 +280,8 @@ def air_and_exchange_fields(sim: Simulation) -> dict[str, Any]:
 
 
 def effect_state_variables(sim: Simulation) -> dict[str, tuple[Any, Any]]:
-    """State variables of all effects, as `state_fields` of each place."""
-    return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
+    """State variables of all effects, as `effect_state_fields` of each place."""
+    return effect_state_fields(sim.world.pair_effects) | effect_state_fields(sim.world.grain_effects)
 
 
 def upload_entries_by_grain(

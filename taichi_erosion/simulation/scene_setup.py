@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
+from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_effect_entries, replica_effect
 from taichi_erosion.core.effect_file import ON_DEVICE, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
@@ -111,6 +111,6 @@ def does_effect_change_scene(scene: Scene, effect: Effect) -> bool:
 def effect_params(scene: Scene, effect: Effect) -> tuple[object, float]:
     """Parameters and strength as the scene states them."""
     try:
-        return read_params(effect, scene.effects[effect.name])
+        return read_effect_entries(effect, scene.effects[effect.name])
     except ValueError as error:
         raise BadInput(f"{scene.file}: {error}") from None

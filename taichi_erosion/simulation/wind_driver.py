@@ -8,7 +8,7 @@ import numpy as np
 from taichi_erosion.air.grid import Air
 from taichi_erosion.air.readback import set_velocities
 from taichi_erosion.air.step import advance_active
-from taichi_erosion.core.air_setup import AirSetup, bed_gradient, initial_wind
+from taichi_erosion.core.air_setup import AirSetup, initial_wind, stress_gradient
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, download_field, upload, write_field
@@ -89,7 +89,7 @@ def set_bed_friction_velocity(sim: Simulation, replica: int, value: float) -> No
     reaching = value * sim.setups[replica].coupling.partition
     upload([(air.numbers.friction_velocity, [reaching])], replica)
     if not air.is_column:
-        upload([(air.numbers.driving_gradient, [(bed_gradient(setup, reaching), 0.0, 0.0)])], replica)
+        upload([(air.numbers.driving_gradient, [(stress_gradient(setup, reaching), 0.0, 0.0)])], replica)
 
 
 def friction_velocity(sim: Simulation, replica: int) -> float:

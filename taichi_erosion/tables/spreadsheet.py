@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import digest_of, regular_file
+from taichi_erosion.core.files import content_digest, require_regular_file
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.tables.cell_numbers import (
     NUMBER,
@@ -105,7 +105,7 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
 def read_table_file_bytes(path: Path, name: str) -> bytes:
     """Content of a regular file of reasonable size."""
     try:
-        if (size := regular_file(path).stat().st_size) > LARGEST_FILE:
+        if (size := require_regular_file(path).stat().st_size) > LARGEST_FILE:
             raise BadInput(f"{name}: {size} bytes are too many; at most {LARGEST_FILE}")
         return path.read_bytes()
     except FileNotFoundError:
@@ -406,4 +406,4 @@ def laboratory_table_digest(table: Path) -> str:
         rows = read_table_cells(table, table.name, []).rows
     except BadInput:
         return ""
-    return digest_of(repr([cells for _, cells in rows]).encode())
+    return content_digest(repr([cells for _, cells in rows]).encode())

@@ -19,15 +19,15 @@ from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range
 from taichi_erosion.core.effect_file import (
     EffectFile,
-    checked_number,
-    compile_failure,
+    compile_failure_text,
     effect_in,
     error_text,
     failures_of,
     line_of,
     read_effect_files,
+    require_number,
 )
-from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsify, make_bench, probe_of
+from taichi_erosion.core.effect_probe import TYPICAL, Bench, allocate_bench, falsify_parameter, make_probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.scene import Scene, resolve
@@ -119,7 +119,7 @@ def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
 def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
     """Making any one parameter wrong by 10 % breaks some line of the table."""
     for f in fields(effect.params):
-        if all(is_right(check) for check in effect.checks(falsify(probe, f.name, WRONG))):
+        if all(is_right(check) for check in effect.checks(falsify_parameter(probe, f.name, WRONG))):
             yield f"no line of its table notices that {f.name} is wrong by 10 %"
 
 
@@ -248,7 +248,7 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
         return np.concatenate(numbers)
     if effect.place == "instrument":
         cells = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
-        return np.array([checked_number(effect, one) for one in cells])
+        return np.array([require_number(effect, one) for one in cells])
     members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
         return np.ravel(probe(params, conditions, **members))
@@ -295,7 +295,7 @@ CLAUSES: dict[str, Clause] = {
 def usable_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect that can act with its default parameters. Raises BadInput where it cannot."""
     with failures_of(effect, "act"):
-        probe = probe_of(effect, bench)
+        probe = make_probe(effect, bench)
         effect_numbers(effect, probe, effect.params(), 1.0)
     return probe
 
@@ -308,7 +308,7 @@ def breaches(effect: Effect, probe: Probe) -> list[str]:
             faults += clause(effect, probe)
         except Exception as error:
             message = f"{name}: cannot be told{line_of(error)}: {error_text(error)}"
-            faults.append(compile_failure(error) or message)
+            faults.append(compile_failure_text(error) or message)
     return list(dict.fromkeys(faults))
 
 
@@ -327,7 +327,7 @@ def examine(effect: Effect) -> Examination:
     started, table = perf_counter(), ()
     start_device(Numerics(threads=1))
     try:
-        probe = usable_probe(effect, make_bench())
+        probe = usable_probe(effect, allocate_bench())
         with suppress(Exception):  # the contract names what is missing
             table = tuple(effect.checks(probe))
         return Examination(table, True, tuple(breaches(effect, probe)), perf_counter() - started)

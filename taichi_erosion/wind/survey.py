@@ -14,7 +14,7 @@ from typing import Any
 import tomlkit
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.files import make_parent, marked_toml, refuse_foreign, write_atomic
+from taichi_erosion.core.files import make_parent_folder, mark_toml, refuse_foreign_file, write_atomic
 from taichi_erosion.evidence.answers.scene_templates import set_entry
 from taichi_erosion.evidence.data.measured import read_measured, value_unit_factor
 from taichi_erosion.execution import Report, RunOptions, run_scene
@@ -147,14 +147,14 @@ def run_survey(
     """Write and run the scenes of a survey, one after the other; yields name and document of each."""
     texts = {folder / f"{name}.toml": text for name, text in scenes_of(survey).items()}
     for path in texts:
-        refuse_foreign(path, SCENE, force)
+        refuse_foreign_file(path, SCENE, force)
     for number, (path, text) in enumerate(texts.items()):
 
         def part(share: float, words: str, done: int = number, name: str = path.stem) -> None:
             report((done + share) / len(texts), f"{name}: {words}")
 
-        make_parent(path)
-        write_atomic(path, marked_toml(path, SCENE, text))
+        make_parent_folder(path)
+        write_atomic(path, mark_toml(path, SCENE, text))
         yield path.stem, run_beds(path, survey, inf if number else survey.precision, part)
 
 

@@ -27,7 +27,7 @@ linux_x86 = pytest.mark.skipif(
     reason="the table of processors is that of Taichi 1.7.4 on x86-64 Linux",
 )
 wide = pytest.mark.skipif(
-    sys.platform != "linux" or not set(device.processor().get("flags", "").split()) >= device.WIDE_FLAGS,
+    sys.platform != "linux" or not set(device.read_cpuinfo().get("flags", "").split()) >= device.WIDE_FLAGS,
     reason="this processor has no 256-bit arithmetic with fused products",
 )
 SCENE = str(Path(__file__).parents[2] / "scenes" / "incline.toml")
@@ -36,7 +36,7 @@ RUN = """
 import sys
 from benchmarks.vector_width import packed_width
 from taichi_erosion.core import device
-name, rows = device.compiler_rows()
+name, rows = device.processor_rows()
 device.overwrite_processor_row(rows[name], rows[sys.argv[1]])
 from taichi_erosion.cli.main import main
 code = main(["run", sys.argv[2], "--no-record", "--json", "--threads", "1", "--replicas", "1"])
@@ -69,16 +69,16 @@ def written(monkeypatch):
     rows: list[tuple[int, int]] = []
     monkeypatch.setattr(device, "overwrite_processor_row", lambda *pair: rows.append(pair))
     table = device.UNKNOWN, {device.UNKNOWN: 1, device.WIDE: 2}
-    monkeypatch.setattr(device, "compiler_rows", lambda: table)
-    monkeypatch.setattr(device, "processor", lambda: {"flags": " ".join(device.WIDE_FLAGS)})
+    monkeypatch.setattr(device, "processor_rows", lambda: table)
+    monkeypatch.setattr(device, "read_cpuinfo", lambda: {"flags": " ".join(device.WIDE_FLAGS)})
     return rows
 
 
 @linux_x86
 def test_an_unknown_processor_gets_the_wide_row_and_a_known_one_keeps_its_own(written, monkeypatch):
-    assert device.compiler_target.__wrapped__() == "generic-as-znver3"
-    monkeypatch.setattr(device, "compiler_rows", lambda: ("skylake", {device.UNKNOWN: 1, device.WIDE: 2}))
-    assert device.compiler_target.__wrapped__() == "skylake"
+    assert device.widest_target.__wrapped__() == "generic-as-znver3"
+    monkeypatch.setattr(device, "processor_rows", lambda: ("skylake", {device.UNKNOWN: 1, device.WIDE: 2}))
+    assert device.widest_target.__wrapped__() == "skylake"
     assert written == [(1, 2)]
 
 
@@ -88,11 +88,11 @@ def another_table():
 
 @linux_x86
 @pytest.mark.parametrize(
-    ("name", "value"), [("processor", dict), ("compiler_rows", another_table), ("TAICHI", (1, 7, 5))]
+    ("name", "value"), [("read_cpuinfo", dict), ("processor_rows", another_table), ("TAICHI", (1, 7, 5))]
 )
 def test_nothing_is_changed_where_a_check_fails(name, value, written, monkeypatch):
     monkeypatch.setattr(device, name, value)
-    assert device.compiler_target.__wrapped__() in {device.UNKNOWN, platform.machine()}
+    assert device.widest_target.__wrapped__() in {device.UNKNOWN, platform.machine()}
     assert written == []
 
 

@@ -14,11 +14,11 @@ TEXT = "[a]\nb = 1\n"
 PICTURE = np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8)
 PNG = imageio.imwrite("<bytes>", PICTURE, extension=".png")
 MARKED: dict[str, Callable[[Path, Path], bytes]] = {
-    "out.toml": lambda path, source: files.marked_toml(path, source, TEXT),
-    "out.png": lambda path, source: files.marked_png(path, source, PNG),
-    "out.html": lambda path, source: files.marked_html(path, source, "<html><head></head></html>"),
+    "out.toml": lambda path, source: files.mark_toml(path, source, TEXT),
+    "out.png": lambda path, source: files.mark_png(path, source, PNG),
+    "out.html": lambda path, source: files.mark_html(path, source, "<html><head></head></html>"),
 }
-CHANGED = files.marked_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
+CHANGED = files.mark_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
 
 
 @pytest.fixture
@@ -33,13 +33,13 @@ def study(tmp_path: Path) -> Path:
 def test_a_file_is_written_again_from_its_source_alone(study, tmp_path, monkeypatch, name):
     path = study.with_name(name)
     path.write_bytes(MARKED[name](path, study))
-    files.refuse_foreign(path, study)
+    files.refuse_foreign_file(path, study)
     with pytest.raises(BadInput, match=r"made from höhe, 1\.toml, not from"):
-        files.refuse_foreign(path, study.with_name("other.toml"))
+        files.refuse_foreign_file(path, study.with_name("other.toml"))
     study.parent.rename(tmp_path / "moved")
     monkeypatch.chdir(tmp_path / "moved")
-    files.refuse_foreign(Path(name), Path(study.name))
-    files.refuse_foreign(Path("nothing.toml"), Path(study.name))
+    files.refuse_foreign_file(Path(name), Path(study.name))
+    files.refuse_foreign_file(Path("nothing.toml"), Path(study.name))
 
 
 @pytest.mark.parametrize(
@@ -53,16 +53,16 @@ def test_what_a_user_wrote_or_changed_is_refused_unless_by_force(study, content,
     path = study.with_name("out.toml")
     path.write_bytes(content)
     with pytest.raises(BadInput, match=told):
-        files.refuse_foreign(path, study)
-    files.refuse_foreign(path, study, force=True)
+        files.refuse_foreign_file(path, study)
+    files.refuse_foreign_file(path, study, force=True)
 
 
 def test_a_marked_text_and_a_marked_picture_hold_what_they_held(study):
     path = study.with_name("out.png")
-    path.write_bytes(files.marked_png(path, study, PNG))
+    path.write_bytes(files.mark_png(path, study, PNG))
     assert np.array_equal(imageio.imread(path), PICTURE)
-    marked = files.marked_toml(path, study, TEXT).decode()
-    assert files.without_mark(marked) == files.without_mark(TEXT) == TEXT
+    marked = files.mark_toml(path, study, TEXT).decode()
+    assert files.remove_mark(marked) == files.remove_mark(TEXT) == TEXT
 
 
 def test_tables_of_a_folder_are_known_by_its_list(tmp_path):

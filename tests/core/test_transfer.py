@@ -40,7 +40,7 @@ class Cloud:
 def test_a_record_that_kernels_take_is_no_dataclass_and_keeps_its_members():
     cloud = Cloud(2, charge="q", position="x")
     assert not is_dataclass(cloud)
-    assert transfer.members(Cloud) == transfer.members(cloud) == ("count", "position", "charge")
+    assert transfer.record_members(Cloud) == transfer.record_members(cloud) == ("count", "position", "charge")
     assert (cloud.count, cloud.position, cloud.charge) == (2, "x", "q")
     assert cloud != Cloud(2, "x", "q")
     with pytest.raises(TypeError):
@@ -80,7 +80,7 @@ def test_numbers_move_in_place_as_through_a_kernel(start_device, monkeypatch):
     values = [np.linspace(-1.0, 2.0, 3 * field_view(field)[0].size).reshape(3, -1) / 0.3 for field in fields]
     found = []
     for here in (True, False):
-        monkeypatch.setattr(transfer, "is_host", lambda here=here: here)
+        monkeypatch.setattr(transfer, "is_host_memory", lambda here=here: here)
         transfer.upload(list(zip(fields, values, strict=True)), 1)
         found.append(transfer.download(fields, 0, ROWS))
     for in_place, through_kernel in zip(*found, strict=True):

@@ -12,7 +12,7 @@ from windy_beds import DENSITY, LID, SURFACE, VISCOSITY, air, bed, set_in, weigh
 
 from taichi_erosion import simulation
 from taichi_erosion.air.readback import face_velocities
-from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, bed_gradient
+from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, stress_gradient
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -150,7 +150,7 @@ def test_wind_on_a_grid_blows_over_the_bed_differs_from_place_to_place_and_keeps
 
 
 def test_a_gradient_puts_the_stress_of_the_wind_on_the_bed():
-    assert -bed_gradient(under("grid", 1).air, WIND) * (LID - SURFACE) == pytest.approx(DENSITY * WIND**2)
+    assert -stress_gradient(under("grid", 1).air, WIND) * (LID - SURFACE) == pytest.approx(DENSITY * WIND**2)
 
 
 @pytest.mark.slow

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 import pytest
 
 from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect_probe import Bench, make_bench
+from taichi_erosion.core.effect_probe import Bench, allocate_bench
 from taichi_erosion.core.setup import Numerics
 
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
     start_device(Numerics("cpu", 1))
-    yield make_bench()
+    yield allocate_bench()
     stop_device()

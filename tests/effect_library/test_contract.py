@@ -9,7 +9,7 @@ import pytest
 from own_effects import LIBRARY, OWN
 
 from taichi_erosion.core.effect import Check, Effect, Probe, quantity
-from taichi_erosion.core.effect_probe import probe_of
+from taichi_erosion.core.effect_probe import make_probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effect_library import shipped_effects
@@ -28,7 +28,7 @@ def probes() -> dict[str, Probe]:
 @pytest.mark.parametrize("name", KEPT)
 def test_every_effect_keeps_the_contract(name, clause, bench, probes):
     if name not in probes:
-        probes[name] = probe_of(KEPT[name], bench)
+        probes[name] = make_probe(KEPT[name], bench)
     assert list(clause(KEPT[name], probes[name])) == []
 
 

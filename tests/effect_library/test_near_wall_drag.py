@@ -4,7 +4,7 @@ from math import pi
 
 import pytest
 
-from taichi_erosion.core.effect_probe import Bench, probe_of
+from taichi_erosion.core.effect_probe import Bench, make_probe
 from taichi_erosion.effect_library import near_wall_drag, rotational_drag
 
 RADIUS, SHEAR, DENSITY, VISCOSITY = 1e-4, 0.1, 1.2, 1.8e-5  # m, s-1, kg m-3, Pa s: Re < 1e-4
@@ -20,7 +20,7 @@ def test_drag_and_torque_are_those_of_a_sphere_near_a_plane(bench: Bench, height
     members = {"air_density": DENSITY, "air_viscosity": VISCOSITY, "air_shear": SHEAR, "radius": RADIUS}
     members |= {"height": height * RADIUS, "air_velocity": (wind, 0.0, 0.0)}
     added, turned = (
-        probe_of(module.EFFECT, bench)(module.Params(), {}, **members)
+        make_probe(module.EFFECT, bench)(module.Params(), {}, **members)
         for module in (near_wall_drag, rotational_drag)
     )
     # the fit of Zeng et al. misses the exact values by 0.8 % at most, four diameters up

@@ -10,7 +10,7 @@ import pytest
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Probe, replica_effect
 from taichi_erosion.core.effect_device import bind
-from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, probe_of, set_members
+from taichi_erosion.core.effect_probe import allocate_bench, evaluate_bench_grain, make_probe, set_members
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.drag import drag_law
@@ -40,7 +40,7 @@ def device() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def two_limits() -> Probe:
-    return probe_of(EFFECT, make_bench(drag_law("two_limits")))
+    return make_probe(EFFECT, allocate_bench(drag_law("two_limits")))
 
 
 def process(square: float, cube: float, times: np.ndarray, chance: float = CHANCE) -> np.ndarray:
@@ -64,7 +64,7 @@ def gusts(wind: float, height: float, times: np.ndarray, chance: float = CHANCE)
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_drag_in_gusts_is_that_of_the_law_of_the_run(law: str):
-    probe = probe_of(EFFECT, make_bench(drag_law(law)))
+    probe = make_probe(EFFECT, allocate_bench(drag_law(law)))
     slip = np.array([WIND, 0.0, 0.0]) - VELOCITY
     change = gusts(WIND, HEIGHT, TIMES)
     for void in (0.5, 1.0):
@@ -122,7 +122,7 @@ def test_the_equation_has_the_published_statistics():
 
 def test_lift_and_torque_feel_the_gust():
     """Both effects beside gusts give the forces that they give alone in the wind and shear of the gust."""
-    library, bench = load_library(), make_bench(drag_law("two_limits"))
+    library, bench = load_library(), allocate_bench(drag_law("two_limits"))
     shear = 4000.0  # s-1
     lain = GRAIN | {"velocity": (0.0, 0.0, 0.0), "height": RADIUS, "time": TIME}
     lain |= {"air_velocity": (0.6, 0.0, 0.0), "air_shear": shear}
@@ -133,7 +133,7 @@ def test_lift_and_torque_feel_the_gust():
         effects = [replica_effect(library[n], library[n].params(), 1.0, {}, 0.0) for n in names]
         bound = bind("grain", [effects])
         set_members(bench.grain, members)
-        evaluate_grain(bound, bench.grain, bench.force, bench.torque)
+        evaluate_bench_grain(bound, bench.grain, bench.force, bench.torque)
         return np.concatenate([download_field(bench.force)[0], download_field(bench.torque)[0]])
 
     felt = ["rotational_drag", "shear_lift"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_erosion.air.grid import Air, allocate_air
-from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, even_faces
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, equal_cell_faces
 from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import (
     SHAPE_NUMBERS,
@@ -181,7 +181,7 @@ def sides(**given: AirSide) -> dict[str, AirSide]:
 def box(cells: tuple[int, int, int], size: Triple, **words: Any) -> AirSetup:
     """A box of air from the origin, of density 1 and equal cells unless stated otherwise."""
     usual: dict[str, Any] = {
-        "faces_z": even_faces(0.0, size[2], cells[2]),
+        "faces_z": equal_cell_faces(0.0, size[2], cells[2]),
         "sides": sides(),
         "density": 1.0,
         "viscosity": 1.0,

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.air_setup import AirSetup
-from taichi_erosion.core.device import is_serial
+from taichi_erosion.core.device import is_serial_loop
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, is_host, write_field
+from taichi_erosion.core.transfer import device_record, is_host_memory, write_field
 
 real = ti.f64
 
@@ -81,8 +81,8 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
     names = ("conductance_x", "conductance_y", "outlet_conductance", "inverse_pivot")
     levels = MultigridLevels(
         number=len(shapes),
-        serial=tuple(is_serial(replicas * int(size)) for size in sizes),
-        serial_replicas=is_host(),
+        serial=tuple(is_serial_loop(replicas * int(size)) for size in sizes),
+        serial_replicas=is_host_memory(),
         columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
         periodic_x=periodic_x,
         periodic_y=periodic_y,

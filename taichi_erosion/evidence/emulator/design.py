@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from taichi_erosion.core.effect import read_params
+from taichi_erosion.core.effect import read_effect_entries
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
@@ -164,7 +164,7 @@ def leaves_readings_unchanged(scene: StudyScene, name: str, strength: float, row
     after = effective_scene(changed, simulator.library)
     if effect.place == "scene":
         return after is changed
-    params, _ = read_params(effect, changed.effects[name])
+    params, _ = read_effect_entries(effect, changed.effects[name])
     conditions = circumstances_of(after)
     measures = [simulator.measures[each].measure for each in scene.observables]
     return all(effect.act(params, strength, conditions, measure, 1.0) == 1.0 for measure in measures)

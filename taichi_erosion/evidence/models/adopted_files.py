@@ -14,7 +14,7 @@ from typing import Protocol
 
 from taichi_erosion.campaign.study_file import toml_entry, with_entry
 from taichi_erosion.core.effect_file import EffectFile, effect_in
-from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
+from taichi_erosion.core.files import mark_toml, refuse_foreign_file, remove_mark, write_atomic
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import refusal_of_number
@@ -63,14 +63,14 @@ def paths_before_and_after(study: Study, effects: Sequence[str]) -> list[tuple[P
 def refuse_foreign_files(study: Study, effects: Sequence[str], force: bool = False) -> None:
     """Raise BadInput where an adoption would replace a file that is not its own."""
     for _, path in paths_before_and_after(study, effects):
-        refuse_foreign(path, study.path, force)
+        refuse_foreign_file(path, study.path, force)
 
 
 def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -> list[Path]:
     """Write the study in which the effects are adopted, then its scenes; returns these files."""
     refuse_foreign_files(study, adoption.effects, force)
     (_, adopted), *scenes = paths_before_and_after(study, adoption.effects)
-    write_atomic(adopted, marked_toml(adopted, study.path, adopted_study_text(study, adoption)))
+    write_atomic(adopted, mark_toml(adopted, study.path, adopted_study_text(study, adoption)))
     tables = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
     files = dict.fromkeys(
         (*study.effect_files, *(file for one in tables for file in scene_effect_files(one)))
@@ -89,7 +89,7 @@ def add_effect_files_to_text(text: str, section: str, folder: Path, files: Seque
 
 def adopted_study_text(study: Study, adoption: Adoption) -> str:
     """Text of the study with the effects under [adopted]."""
-    text = without_mark(read_text_of_file(study.path, str(study.path)))
+    text = remove_mark(read_text_of_file(study.path, str(study.path)))
     text = with_entry(text, ("study", "follows"), study.path.name)
     text = add_effect_files_to_text(text, "study", study.path.parent, study.effect_files)
     listed = {candidate.name: candidate for candidate in study.problem.candidates}
@@ -110,7 +110,7 @@ def write_adopted_scene(
     scene: Path, path: Path, study: Study, adoption: Adoption, more: Sequence[EffectFile]
 ) -> Path:
     """Write a scene with the effects, their more, and those calibrated numbers that it has."""
-    text = without_mark(read_text_of_file(scene, str(scene)))
+    text = remove_mark(read_text_of_file(scene, str(scene)))
     text = add_effect_files_to_text(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
         text = with_entry(
@@ -120,7 +120,7 @@ def write_adopted_scene(
         value = round_value(number.value)
         if refusal_of_number(scene, name, value, tuple(study.effect_files)) is None:
             text = with_entry(text, tuple(name.split(".")), value, interval_comment(number))
-    return write_atomic(path, marked_toml(path, study.path, text))
+    return write_atomic(path, mark_toml(path, study.path, text))
 
 
 def interval_comment(number: Estimate) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import linalg
 
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.effect_file import EffectFile, checked_number, effect_in, failures_of, tell_execution
+from taichi_erosion.core.effect_file import EffectFile, announce_file, effect_in, failures_of, require_number
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Conditions,
@@ -134,11 +134,11 @@ def load_model_module(name: str, folder: Path, study: str, where: str) -> Module
     try:
         with contextlib.redirect_stdout(sys.stderr), put_folder_on_import_path(folder):
             if sibling.is_file():
-                tell_execution(sibling, study)
+                announce_file(sibling, study)
                 return execute_module_file(name, sibling)
             spec = importlib.util.find_spec(package)
             if spec is not None and spec.origin is not None and package != OURS:
-                tell_execution(Path(spec.origin), study)
+                announce_file(Path(spec.origin), study)
             return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
@@ -241,7 +241,7 @@ def apply_instrument_effect(
     with failures_of(effect, "act"):
         for seed, row in np.ndindex(values.shape):
             at, value = stated_conditions_of_row(conditions, row), float(values[seed, row])
-            read[seed, row] = checked_number(effect, effect.act(params, strength, at, observable, value))
+            read[seed, row] = require_number(effect, effect.act(params, strength, at, observable, value))
     return read
 
 

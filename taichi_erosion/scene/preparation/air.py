@@ -78,7 +78,7 @@ def air_on_several_columns(column: AirSetup, wind: Wind, diameter: float, seed: 
         column,
         model=AirModel(closure=wind.closure, exchange=True),
         implicitness=CENTRED if eddies else column.implicitness,
-        driving_gradient=(air_setup.bed_gradient(column, column.friction_velocity), 0.0, 0.0),
+        driving_gradient=(air_setup.stress_gradient(column, column.friction_velocity), 0.0, 0.0),
         initial_turbulence=InitialTurbulence(
             wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed
         ),
@@ -107,8 +107,8 @@ def cell_face_heights(air: AirBox) -> Floats:
     """Faces of the cells of a box along z [m]."""
     high, count = air.extents[2], air.cells[2]
     if air.lowest is None:
-        return air_setup.even_faces(0.0, high, count)
-    faces = air_setup.both_faces if air.both_ends else air_setup.stretched_faces
+        return air_setup.equal_cell_faces(0.0, high, count)
+    faces = air_setup.faces_fine_at_both_ends if air.both_ends else air_setup.stretched_faces
     return faces(0.0, high, count, air.lowest)
 
 

@@ -27,7 +27,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from taichi_erosion.core.effect_file import EffectFile
-from taichi_erosion.core.errors import nearest
+from taichi_erosion.core.errors import nearest_word
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[^\W\d_]\w{0,59}$")]
@@ -95,7 +95,7 @@ def multiply_numbers(value: Any, factor: float) -> Any:
 
 def unknown_key_error(key: str, keys: Iterable[str], also: str = "") -> PydanticCustomError:
     """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
-    near = nearest(key, keys)
+    near = nearest_word(key, keys)
     hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(keys)}{also}"
     return PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": key})
 

@@ -8,10 +8,10 @@ reverse list, in the order of the entries: the sum is the same whenever it is re
 from math import isqrt
 from typing import Any
 
-from taichi_erosion.core.device import multiprocessors
+from taichi_erosion.core.device import multiprocessor_count
 from taichi_erosion.core.engine import engine_name
 from taichi_erosion.core.ti import memfence, ti
-from taichi_erosion.core.transfer import device_record, is_host
+from taichi_erosion.core.transfer import device_record, is_host_memory
 from taichi_erosion.grains.partition import CPU_CHUNK
 from taichi_erosion.grains.state import ARRIVAL_SLOT, CACHE_PADDING, arrays
 from taichi_erosion.simulation.capacities import Capacities
@@ -74,8 +74,8 @@ def allocate_buffers(capacities: Capacities, workers: int) -> GrainBuffers:
     cell_chunks = isqrt(capacities.cells) + 1
     grain_chunks = -(-grains // grain_chunk)
     blocks, block, lanes = workers, 1, CPU_CHUNK
-    if not is_host():
-        threads, most, lanes = count * capacities.pairs, multiprocessors(), 1
+    if not is_host_memory():
+        threads, most, lanes = count * capacities.pairs, multiprocessor_count(), 1
         fitting = [shape for shape in SHAPES if shape[0] * shape[1] * most >= threads]
         block, resident = (fitting or SHAPES[-1:])[0]
         blocks = min(-(-threads // block), most * (resident if engine_name() == "taichi" else 1))

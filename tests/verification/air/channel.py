@@ -42,9 +42,9 @@ def plates(layers: int, lid: AirSide, gradient: float, stretched: bool) -> AirSe
     return box(
         (1, 1, layers),
         (1.0, 1.0, 1.0),
-        faces_z=air_setup.both_faces(0.0, 1.0, layers, 0.3 / layers)
+        faces_z=air_setup.faces_fine_at_both_ends(0.0, 1.0, layers, 0.3 / layers)
         if stretched
-        else air_setup.even_faces(0.0, 1.0, layers),
+        else air_setup.equal_cell_faces(0.0, 1.0, layers),
         sides=sides(z_low=WALL, z_high=lid),
         driving_gradient=(gradient, 0.0, 0.0),
         implicitness=1.0,
@@ -80,7 +80,7 @@ def between_side_walls() -> float:
     )
     air = air_of([setup])
     advance_air(air, ACROSS_STEPS)
-    y = centres(air_setup.even_faces(0.0, 1.0, n))
+    y = centres(air_setup.equal_cell_faces(0.0, 1.0, n))
     return float(np.abs(face_velocities(air, 0)[0][0, :, 0] - (4.0 * y * (1.0 - y) + 1.0 / n**2)).max())
 
 

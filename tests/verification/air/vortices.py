@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 from taichi_erosion.air.pressure.conjugate_gradient import TOLERANCE
 from taichi_erosion.air.readback import face_velocities, set_velocities
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import AirSetup, AirSide, both_faces, even_faces
+from taichi_erosion.core.air_setup import AirSetup, AirSide, equal_cell_faces, faces_fine_at_both_ends
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.verification.claims import Outcome, below
 from tests.verification.reference import published
@@ -101,8 +101,8 @@ ENERGY_STEPS, COURANT = 120, 0.8
 
 def vortices(cells: int, steps: int, viscosity: float, squeezed: float = 1.0) -> AirSetup:
     """Vortices at t = 0."""
-    even = even_faces(0.0, SIDE, cells)
-    faces = even if squeezed == 1.0 else both_faces(0.0, SIDE, cells, squeezed * SIDE / cells)
+    even = equal_cell_faces(0.0, SIDE, cells)
+    faces = even if squeezed == 1.0 else faces_fine_at_both_ends(0.0, SIDE, cells, squeezed * SIDE / cells)
     x = SIDE / cells * np.arange(2 * cells)
     start = np.zeros((3, 2 * cells, 1, cells))
     start[0, :, 0, :] = np.sin(x)[:, None] * np.cos(centres(faces))
