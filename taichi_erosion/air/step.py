@@ -177,7 +177,7 @@ def add_stage_exchange(air_out: ti.template(), r, i, j, share):
     impulse   sum t (f - beta u)          with u the velocity at the end of a stage t of the step T
     gradient  sum (t / T) grad p          with p likewise, so that both are to rounding what acted on the air
 
-    The share of a cell in a face is that of `momentum.grain_share`, halves by volume.
+    The share of a cell in a face is that of `momentum.volume_exchange`, halves by volume.
     """
     time = share * air_out.numbers.time_step[r]
     for k in range(air_out.cells[2]):

@@ -1,6 +1,6 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
-mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by `wall_law.root_slope`
+mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by `wall_law.root_length_slope`
                 (over a rough floor `wall_law.rough_length`), and never exceeds kappa times the
                 distance to another wall, the stated largest length, or the stated share of the layer's
                 thickness (Escudier: 0.09)

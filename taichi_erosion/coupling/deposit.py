@@ -19,8 +19,8 @@ from math import pi
 
 from taichi_erosion.air.grid import cell_velocity, layer_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.state import partition_first, side_block
+from taichi_erosion.grains.cells import wrapped_position
+from taichi_erosion.grains.state import partition_first_rank, side_block
 
 real = ti.f64
 
@@ -95,7 +95,7 @@ def part_first(world: ti.template(), coupling: ti.template(), r, p):
     if ti.static(coupling.sums.chunk > 0):
         first = ti.min(p * coupling.sums.chunk, world.replicas.released[r])
     else:
-        first = partition_first(world.replicas, r, p)
+        first = partition_first_rank(world.replicas, r, p)
     return first
 
 
@@ -149,7 +149,7 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
     grains, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
     sums_out, air = ti.static((coupling_out.sums, coupling_out.air))
     radius = ti.cast(grains.radius[i], real)
-    position = position_of(grains, world_out.replicas, r, i)
+    position = wrapped_position(grains, world_out.replicas, r, i)
     mass, velocity = 1.0 / ti.cast(grains.mass_inverse[i], real), ti.cast(grains.velocity[i], real)
     rate = implicit_rate(world_out, r, ti.cast(frozen_out.drag_rate[i], real))
     drag_kick = ti.cast(frozen_out.drag_kick[i], real)

@@ -33,7 +33,7 @@ from taichi_erosion.coupling.deposit import buffer_row, deposit_part, exchange_i
 from taichi_erosion.coupling.gather import gather_grain, gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.partition import barrier, owns_partition
-from taichi_erosion.grains.sleep import update_sleep
+from taichi_erosion.grains.sleep import update_sleep_states
 from taichi_erosion.grains.state import side_block
 
 real = ti.f64
@@ -193,7 +193,7 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
         # forces read state variables of grains of other partitions
         phase = barrier(replicas_out, r, size, phase)
     if ti.static(world_out.sleeps):
-        phase = update_sleep(world_out, r, member, size, phase)
+        phase = update_sleep_states(world_out, r, member, size, phase)
     return phase
 
 

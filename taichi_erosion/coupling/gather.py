@@ -15,9 +15,9 @@ from math import pi
 from taichi_erosion.core.effect_device import add_gusts, advance_states, total_drag_factor, total_grain_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
-from taichi_erosion.grains.cells import position_of
+from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.integrate import SPHERE
-from taichi_erosion.grains.state import partition_first, side_block
+from taichi_erosion.grains.state import partition_first_rank, side_block
 
 real = ti.f64
 
@@ -101,7 +101,7 @@ def gather_drag(world_out: ti.template(), coupling: ti.template(), r, i):
     """Drag and pressure force on the grain at place i; returns void fraction [1] and shear [s-1]."""
     grains, frozen_out, air = ti.static((world_out.grains, world_out.frozen_drag, coupling.air))
     radius, inverse = grains.radius[i], grains.mass_inverse[i]
-    position = position_of(grains, world_out.replicas, r, i)
+    position = wrapped_position(grains, world_out.replicas, r, i)
     exact, void_mean, pressure_force, shear = gather_flow(coupling, r, position, ti.cast(radius, real))
     air_velocity = ti.cast(exact, float)
     density = ti.cast(air.numbers.density[r], float)
@@ -121,7 +121,7 @@ def gather_drag(world_out: ti.template(), coupling: ti.template(), r, i):
 def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shear):
     """The grain at place i and the air around it, as effects read them."""
     grains, replicas = ti.static((world.grains, world.replicas))
-    position = ti.cast(position_of(grains, replicas, r, i), float)
+    position = ti.cast(wrapped_position(grains, replicas, r, i), float)
     grain = coupling.grain_type(
         position=position,
         velocity=grains.velocity[i],
@@ -173,7 +173,7 @@ def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, up
     """Frozen terms of the grains of one partition; effects update their state where `updates_state`."""
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, replicas.side[r])
-    for rank in range(partition_first(replicas, r, p), partition_first(replicas, r, p + 1)):
+    for rank in range(partition_first_rank(replicas, r, p), partition_first_rank(replicas, r, p + 1)):
         gather_grain(world_out, coupling, r, base + rank, updates_state)
 
 

@@ -19,7 +19,7 @@ from taichi_erosion.coupling.deposit import deposit_part, part_count
 from taichi_erosion.coupling.exchange import add_residual, clear_residual, receive_in_air, return_residual
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.grains import World
-from taichi_erosion.grains.sleep import update_sleep
+from taichi_erosion.grains.sleep import update_sleep_states
 
 AIR = int(Status.AIR)
 
@@ -67,7 +67,7 @@ def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     add_residual(coupling_out, r, coupling_out.air.numbers.time_step[r])
     gather_all(world_out, coupling_out, r, True)
     if ti.static(world_out.sleeps):
-        update_sleep(world_out, r, 0, 1, 1)
+        update_sleep_states(world_out, r, 0, 1, 1)
     coupling_out.exchange.last_exchange[r] = world_out.replicas.step[r]
     if not coupling_out.air.mass_residual[r] <= REPLICA_TOLERANCE:
         world_out.replicas.status[r] = AIR

@@ -33,7 +33,7 @@ class Cells:
     inverse_width: Any  # f64 vec3 by replica [m-1]
     number: Any  # i32 vec3 by replica, cells along each axis
     axes: Any  # i32 vec3 by replica, axes of the box, the one with fewest cells first
-    first: Any  # i32, rank of the first grain of each cell: by `row_of_cells` + cell + 1, see `cell_start`
+    first: Any  # i32, rank of the first grain of each cell: by `first_cell` + cell + 1, see `cell_start`
     cell: Any  # i32 by grain place of one side: cell of the grain, by rank before the sort
     order: Any  # i32 by grain place of one side: rank before the sort, by rank after it
 
@@ -46,7 +46,7 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
 
 
 @ti.func
-def row_of_cells(cells: ti.template(), r):
+def first_cell(cells: ti.template(), r):
     """First place of replica r in `first`: two places more than cells, to shift the sort and to close it."""
     return r * (cells.capacity + 2)
 
@@ -62,7 +62,7 @@ def wrap(position, period, low):
 
 
 @ti.func
-def shortest_way(away, period):
+def nearest_image_distances(away, period):
     """Distances along the axes between nearest images of two wrapped positions [m]."""
     nearest = away
     for k in ti.static(range(3)):
@@ -72,14 +72,14 @@ def shortest_way(away, period):
 
 
 @ti.func
-def to_axis_order(cells: ti.template(), r, along):
+def reorder_axes(cells: ti.template(), r, along):
     """Components of a vector in the order of the axes of replica r."""
     axes = cells.axes[r]
     return ti.Vector([along[axes[0]], along[axes[1]], along[axes[2]]])
 
 
 @ti.func
-def arrange_axes(cells_out: ti.template(), r):
+def order_axes_by_cells(cells_out: ti.template(), r):
     """Order the axes of replica r by their number of cells; equal ones keep the order x, y, z."""
     number = cells_out.number[r]
     for axis in ti.static(range(3)):
@@ -96,7 +96,7 @@ def arrange_axes(cells_out: ti.template(), r):
 def cell_coordinates(cells: ti.template(), r, position):
     """Integer coordinates along the arranged axes of the cell that holds a position, clamped to the grid."""
     place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
-    return to_axis_order(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
+    return reorder_axes(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
 
 
 @ti.func
@@ -106,15 +106,15 @@ def cell_index(number, place):
 
 
 @ti.func
-def position_of(grains: ti.template(), replicas: ti.template(), r, i):
+def wrapped_position(grains: ti.template(), replicas: ti.template(), r, i):
     """Position of the grain at place i [m], in f64, wrapped into the period."""
     position = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
     return wrap(position, replicas.period[r], replicas.low[r])
 
 
 @ti.func
-def sums_of_positions(grains: ti.template(), replicas: ti.template(), r, begin, end):
-    """Low and high corner of the box around the grains of ranks begin to end [m], and sums for `most_of`."""
+def box_and_position_sums(grains: ti.template(), replicas: ti.template(), r, begin, end):
+    """Low and high corner of the box around the grains of ranks begin to end [m], and sums for `main_box`."""
     base = side_block(grains, r, replicas.side[r])
     low = replicas.high[r]
     high = replicas.low[r]
@@ -128,7 +128,7 @@ def sums_of_positions(grains: ti.template(), replicas: ti.template(), r, begin, 
 
 
 @ti.func
-def most_of(replicas: ti.template(), r, low, high, total, squares):
+def main_box(replicas: ti.template(), r, low, high, total, squares):
     """Low and high corner of the box around most grains of replica r [m]; along a period, the period."""
     count = replicas.released[r]
     mean = total / ti.max(count, 1)
@@ -142,15 +142,15 @@ def most_of(replicas: ti.template(), r, low, high, total, squares):
 
 
 @ti.func
-def fit_cells(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
+def fit_grid_to_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
     """Grid of replica r around its grains."""
-    low, high, total, squares = sums_of_positions(grains, replicas, r, 0, replicas.released[r])
-    low, high = most_of(replicas, r, low, high, total, squares)
-    divide_box(cells_out, replicas, r, low, high)
+    low, high, total, squares = box_and_position_sums(grains, replicas, r, 0, replicas.released[r])
+    low, high = main_box(replicas, r, low, high, total, squares)
+    divide_box_into_cells(cells_out, replicas, r, low, high)
 
 
 @ti.func
-def divide_box(cells_out: ti.template(), replicas: ti.template(), r, low, high):
+def divide_box_into_cells(cells_out: ti.template(), replicas: ti.template(), r, low, high):
     """Grid of replica r in a box; cells are widened while they are too many."""
     width = cells_out.width_least[r]
     span = ti.max(high - low, width)
@@ -165,14 +165,14 @@ def divide_box(cells_out: ti.template(), replicas: ti.template(), r, low, high):
 
 
 @ti.func
-def grain_cell(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
+def cell_of_grain(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
     """Number of the cell of the grain at place i."""
-    place = cell_coordinates(cells, r, position_of(grains, replicas, r, i))
-    return cell_index(to_axis_order(cells, r, cells.number[r]), place)
+    place = cell_coordinates(cells, r, wrapped_position(grains, replicas, r, i))
+    return cell_index(reorder_axes(cells, r, cells.number[r]), place)
 
 
 @ti.func
-def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
+def sort_grains_by_cell(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
     """Counting sort of replica r by cell, stable, by one worker: the order never depends on scheduling.
 
     Grains that are taken out, whose cell is GONE, get no rank.
@@ -180,15 +180,15 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
     count = replicas.released[r]
     base = side_block(grains, r, replicas.side[r])
     row = r * grains.capacity
-    first = row_of_cells(cells_out, r)
-    arrange_axes(cells_out, r)
-    number = to_axis_order(cells_out, r, cells_out.number[r])
+    first = first_cell(cells_out, r)
+    order_axes_by_cells(cells_out, r)
+    number = reorder_axes(cells_out, r, cells_out.number[r])
     total = number[0] * number[1] * number[2]
     for c in range(total + 1):
         cells_out.first[first + c] = 0
     for i in range(count):
         if replicas.leaving[r] == 0 or cells_out.cell[row + i] != GONE:
-            c = grain_cell(cells_out, grains, replicas, r, base + i)
+            c = cell_of_grain(cells_out, grains, replicas, r, base + i)
             cells_out.cell[row + i] = c
             cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
     for c in range(total):
@@ -207,7 +207,7 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
 @ti.func
 def cell_start(cells: ti.template(), r, c):
     """Rank of the first grain in cell c; after the sort the bounds lie one place on."""
-    return cells.first[row_of_cells(cells, r) + c + 1]
+    return cells.first[first_cell(cells, r) + c + 1]
 
 
 def cell_grid(setup: Setup, least: float, most: int) -> dict[str, Any]:

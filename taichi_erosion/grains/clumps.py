@@ -15,8 +15,8 @@ from typing import Any
 
 from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.core.transfer import device_record
-from taichi_erosion.grains.integrate import kick_time
-from taichi_erosion.grains.state import REBUILD, arrays, force_block, side_block
+from taichi_erosion.grains.integrate import kick_duration
+from taichi_erosion.grains.state import REBUILD, arrays, first_force_place, side_block
 
 NOWHERE = -1  # of `rank`
 
@@ -85,7 +85,7 @@ def body_spin(clumps: ti.template(), b, frame):
 
 
 @ti.func
-def locate_spheres(world_out: ti.template(), r, first, last):
+def record_sphere_places(world_out: ti.template(), r, first, last):
     """Record where the sort has put the spheres of ranks first to last, on the valid side."""
     grains, clumps_out = ti.static((world_out.grains, world_out.clumps))
     base = side_block(grains, r, world_out.replicas.side[r])
@@ -100,7 +100,7 @@ def take_force(world_out: ti.template(), r, place, arm):
     force = 0.0 * arm
     torque = force
     for q in range(replicas.partitions[r]):
-        buffer = force_block(grains_out, replicas, r, q) + place
+        buffer = first_force_place(grains_out, replicas, r, q) + place
         force += ti.cast(grains_out.force[buffer], ti.f64)
         torque += ti.cast(grains_out.torque[buffer], ti.f64)
         grains_out.force[buffer] = 0.0 * grains_out.force[buffer]
@@ -109,7 +109,7 @@ def take_force(world_out: ti.template(), r, place, arm):
 
 
 @ti.func
-def advance_body(world_out: ti.template(), r, b, kick):
+def kick_and_drift_body(world_out: ti.template(), r, b, kick):
     """Kick and drift one body."""
     clumps_out, grains = ti.static((world_out.clumps, world_out.grains))
     frame = rotation_matrix(clumps_out.orientation[b])
@@ -155,7 +155,7 @@ def place_spheres(world_out: ti.template(), r, b):
 
 
 @ti.func
-def released_bodies(world: ti.template(), r):
+def released_body_count(world: ti.template(), r):
     """Number of bodies of replica r whose spheres have been released."""
     released, bodies = world.replicas.released[r] + world.replicas.removed[r], 0
     if released > 0:
@@ -168,7 +168,7 @@ def advance_clump(world_out: ti.template(), r, k, step):
     """Advance body k of replica r; returns REBUILD where one of its spheres has left its skin."""
     b, need = r * world_out.clumps.capacity + k, 0
     if world_out.clumps.rank[r * world_out.grains.capacity + world_out.clumps.first[b]] != NOWHERE:
-        advance_body(world_out, r, b, ti.cast(kick_time(world_out.replicas, r, step), ti.f64))
+        kick_and_drift_body(world_out, r, b, ti.cast(kick_duration(world_out.replicas, r, step), ti.f64))
         need = place_spheres(world_out, r, b)
     return need
 
@@ -176,7 +176,7 @@ def advance_clump(world_out: ti.template(), r, k, step):
 @ti.func
 def advance_clumps(world_out: ti.template(), r, p, step):
     """Advance the released bodies of partition p; returns REBUILD where a rebuild is due."""
-    partitions, bodies = world_out.replicas.partitions[r], released_bodies(world_out, r)
+    partitions, bodies = world_out.replicas.partitions[r], released_body_count(world_out, r)
     need = 0
     for k in range(bodies * p // partitions, bodies * (p + 1) // partitions):
         need = need | advance_clump(world_out, r, k, step)

@@ -45,7 +45,7 @@ class ContactLaws:
     contact_type: Any  # struct type of one contact, in the run's precision
 
 
-def contact_type() -> Any:
+def contact_struct_type() -> Any:
     """Struct of one contact: what the laws read."""
     real3 = ti.types.vector(3, float)
     return ti.types.struct(
@@ -76,7 +76,7 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
         rolling_energy=rolling.rolling_energy,
         adhesive=adhesive,
         gap_reach=normal.gap_reach,
-        contact_type=contact_type(),
+        contact_type=contact_struct_type(),
     )
 
 

@@ -34,7 +34,7 @@ def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
 
 
 @ti.func
-def apply_drag(frozen_out: ti.template(), i, velocity, kick):
+def velocity_after_drag(frozen_out: ti.template(), i, velocity, kick):
     """Velocity of the grain at place i after drag has acted for `kick` [s]."""
     share = frozen_out.drag_rate[i] * kick
     after = (velocity + share * frozen_out.air_velocity[i]) / (1.0 + share)

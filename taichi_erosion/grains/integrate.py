@@ -8,23 +8,23 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 """
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.frozen_drag import apply_drag
-from taichi_erosion.grains.sleep import hold_sleeping
-from taichi_erosion.grains.state import REBUILD, STOP, force_block, partition_first, side_block
+from taichi_erosion.grains.frozen_drag import velocity_after_drag
+from taichi_erosion.grains.sleep import hold_if_asleep
+from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_block
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
 
 @ti.func
-def gather_forces(world_out: ti.template(), r, p):
+def add_other_partitions(world_out: ti.template(), r, p):
     """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    block = force_block(grains_out, replicas, r, p)
-    first = partition_first(replicas, r, p)
-    last = partition_first(replicas, r, p + 1)
+    block = first_force_place(grains_out, replicas, r, p)
+    first = partition_first_rank(replicas, r, p)
+    last = partition_first_rank(replicas, r, p + 1)
     for q in range(replicas.partitions[r]):
         if q != p:
-            other = force_block(grains_out, replicas, r, q)
+            other = first_force_place(grains_out, replicas, r, q)
             low = ti.select(p < q, replicas.before_low[r, q], replicas.after_low[r, q])
             high = ti.select(p < q, replicas.before_high[r, q], replicas.after_high[r, q])
             for rank in range(ti.max(first, low), ti.min(last, high)):
@@ -36,7 +36,7 @@ def gather_forces(world_out: ti.template(), r, p):
 
 
 @ti.func
-def kick_time(replicas: ti.template(), r, step):
+def kick_duration(replicas: ti.template(), r, step):
     """Time over which this step's force acts on the velocity [s]."""
     return replicas.time_step[r] * ti.select(step == 0, 0.5, 1.0)
 
@@ -58,7 +58,7 @@ def accelerations(world_out: ti.template(), r, i, buffer):
 
 
 @ti.func
-def keep_rates(grains_out: ti.template(), place, acceleration, spin_rate):
+def record_rates(grains_out: ti.template(), place, acceleration, spin_rate):
     """Record the rates of the last step of a launch; at place -1 nothing."""
     if place >= 0:
         grains_out.acceleration[place] = acceleration
@@ -66,19 +66,19 @@ def keep_rates(grains_out: ti.template(), place, acceleration, spin_rate):
 
 
 @ti.func
-def advance_grain(world_out: ti.template(), r, i, buffer, kick, place):
+def kick_and_drift_grain(world_out: ti.template(), r, i, buffer, kick, place):
     """Kick and drift the grain at place i; returns REBUILD where it has left its skin."""
     (grains_out,) = ti.static((world_out.grains,))
     acceleration, spin_rate = accelerations(world_out, r, i, buffer)
     velocity = grains_out.velocity[i] + acceleration * kick
     if ti.static(world_out.has_external_forces):
-        velocity = apply_drag(world_out.frozen_drag, i, velocity, kick)
+        velocity = velocity_after_drag(world_out.frozen_drag, i, velocity, kick)
         acceleration = (velocity - grains_out.velocity[i]) / kick
     shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]
     grains_out.velocity[i] = velocity
     grains_out.spin[i] = grains_out.spin[i] + spin_rate * kick
     grains_out.shift[i] = shift
-    keep_rates(grains_out, place, acceleration, spin_rate)
+    record_rates(grains_out, place, acceleration, spin_rate)
     need = REBUILD  # also where the shift is not a number
     if shift.norm_sqr() <= grains_out.skin_squared[i]:
         need = 0
@@ -90,32 +90,32 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
     """Advance the awake grains of one partition; returns REBUILD where a rebuild is due."""
     grains, replicas = ti.static((world_out.grains, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
-    buffer = force_block(grains, replicas, r, p)
-    kick = kick_time(replicas, r, step)
+    buffer = first_force_place(grains, replicas, r, p)
+    kick = kick_duration(replicas, r, step)
     need = 0
-    first = partition_first(replicas, r, p)
-    for rank in range(first, partition_first(replicas, r, p + 1)):
+    first = partition_first_rank(replicas, r, p)
+    for rank in range(first, partition_first_rank(replicas, r, p + 1)):
         place = ti.select(is_last, r * grains.capacity + rank, -1)
-        need = need | advance_awake(world_out, r, base + rank, buffer + rank, kick, place)
+        need = need | advance_if_awake(world_out, r, base + rank, buffer + rank, kick, place)
     return need
 
 
 @ti.func
-def advance_awake(world_out: ti.template(), r, i, buffer, kick, place):
+def advance_if_awake(world_out: ti.template(), r, i, buffer, kick, place):
     """Advance the grain at place i unless it sleeps; returns REBUILD where it has left its skin."""
     moves, need = True, 0
     if ti.static(world_out.sleeps):
-        moves = not hold_sleeping(world_out, r, i, buffer, kick)
+        moves = not hold_if_asleep(world_out, r, i, buffer, kick)
         if not moves:
             still = 0.0 * world_out.replicas.gravity[r]
-            keep_rates(world_out.grains, place, still, still)
+            record_rates(world_out.grains, place, still, still)
     if moves:
-        need = advance_grain(world_out, r, i, buffer, kick, place)
+        need = kick_and_drift_grain(world_out, r, i, buffer, kick, place)
     return need
 
 
 @ti.func
-def finish_partition(replicas_out: ti.template(), r, p, need):
+def publish_need(replicas_out: ti.template(), r, p, need):
     """Publish what partition p needs before the next step: nothing, REBUILD or STOP."""
     if replicas_out.fault_value[r, p] > 0.0:
         need = STOP

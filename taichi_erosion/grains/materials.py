@@ -50,7 +50,7 @@ def damping_ratio(restitution: Floats) -> Floats:
     return -logarithm / np.sqrt(logarithm**2 + pi**2)
 
 
-def device_columns(table: ContactTable) -> dict[str, Floats]:
+def contact_columns(table: ContactTable) -> dict[str, Floats]:
     """Columns of Materials from what a scene states."""
     return {
         "young": table.young_effective,
@@ -65,10 +65,10 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
     }
 
 
-def material_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
+def replica_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
     """Columns of Materials with all rows of one replica."""
     count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
-    rows, columns = material_pair_rows(count, materials.count), device_columns(table)
+    rows, columns = material_pair_rows(count, materials.count), contact_columns(table)
     whole = {name: np.zeros(materials.rows) for name in columns}
     for name, values in columns.items():
         whole[name][rows] = values
@@ -77,7 +77,7 @@ def material_columns(materials: Materials, table: ContactTable) -> dict[str, Flo
 
 def upload_materials(materials: Materials, tables: list[ContactTable], first: int = 0) -> None:
     """Write the contact tables of replicas to the device, from one replica on."""
-    columns = [material_columns(materials, table) for table in tables]
+    columns = [replica_columns(materials, table) for table in tables]
     upload(
         [(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]],
         first * materials.rows,

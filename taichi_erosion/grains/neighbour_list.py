@@ -66,25 +66,25 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: i
 
 
 @ti.func
-def entry_block(pairs: ti.template(), r, side):
+def side_first_entry(pairs: ti.template(), r, side):
     """First entry of one side of replica r."""
     return (2 * r + side) * pairs.capacity
 
 
 @ti.func
-def entry_number(pairs: ti.template(), i):
+def entry_count(pairs: ti.template(), i):
     """Entries of the grain at place i."""
     return (pairs.stop[i] - pairs.start[i]) // pairs.stride
 
 
 @ti.func
-def partition_entries(pairs: ti.template(), replicas: ti.template(), r, p):
+def partition_first_entry(pairs: ti.template(), replicas: ti.template(), r, p):
     """First entry of partition p within a side."""
     return pairs.capacity // replicas.partitions[r] * p
 
 
 @ti.func
-def end_contact(entries_out: ti.template(), e):
+def clear_history(entries_out: ti.template(), e):
     """Clear the history of a contact that has ended; `entries_out` is a neighbour list or a wall list."""
     if entries_out.label[e] & ENGAGED == ENGAGED:
         entries_out.label[e] = entries_out.label[e] - ENGAGED
@@ -93,16 +93,16 @@ def end_contact(entries_out: ti.template(), e):
 
 
 @ti.func
-def wanted_skin(replicas: ti.template(), r, radius, speed):
+def unlimited_skin(replicas: ti.template(), r, radius, speed):
     """Skin of a grain without regard to cells [m]."""
     least = replicas.skin_least[r] * radius
     return ti.min(ti.max(least, speed * replicas.skin_time[r]), replicas.skin_most[r])
 
 
 @ti.func
-def skin(replicas: ti.template(), r, radius, speed):
+def verlet_skin(replicas: ti.template(), r, radius, speed):
     """Verlet skin of a grain [m]; in a crowd of wide grains no more than cells allow."""
-    allowed = wanted_skin(replicas, r, radius, speed)
+    allowed = unlimited_skin(replicas, r, radius, speed)
     if replicas.crowded[r] == 1:
         least = replicas.skin_least[r] * radius
         allowed = ti.min(allowed, ti.max(least, replicas.cell_reach[r] - radius))
@@ -113,7 +113,7 @@ def skin(replicas: ti.template(), r, radius, speed):
 def wants_more_than_cells(world: ti.template(), r, i):
     """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
     radius = world.grains.radius[i]
-    width = wanted_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
+    width = unlimited_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
     return ti.cast(radius + width > world.replicas.cell_reach[r], ti.i32)
 
 
@@ -129,6 +129,6 @@ def count_wide_grains(world_out: ti.template(), r):
 
 
 @ti.func
-def is_wide(world: ti.template(), r, i):
+def is_wide_grain(world: ti.template(), r, i):
     """Whether the grain at place i reaches beyond adjacent cells."""
     return world.grains.extent[i] > world.replicas.cell_reach[r]

@@ -15,9 +15,9 @@ from taichi_erosion.grains.cells import (
     cell_coordinates,
     cell_index,
     cell_start,
-    position_of,
-    shortest_way,
-    to_axis_order,
+    nearest_image_distances,
+    reorder_axes,
+    wrapped_position,
 )
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.frozen_drag import clear_frozen_drag, copy_frozen_drag
@@ -26,24 +26,24 @@ from taichi_erosion.grains.neighbour_list import (
     HISTORY,
     MET,
     ROW_SHIFT,
-    entry_block,
-    entry_number,
-    is_wide,
-    partition_entries,
-    skin,
+    entry_count,
+    is_wide_grain,
+    partition_first_entry,
+    side_first_entry,
+    verlet_skin,
 )
-from taichi_erosion.grains.sleep import clear_sleep, move_sleep
-from taichi_erosion.grains.state import partition_first, side_block
+from taichi_erosion.grains.sleep import copy_sleep_state, set_awake
+from taichi_erosion.grains.state import partition_first_rank, side_block
 
 TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
 
 
 @ti.func
-def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
+def find_pair_entry(pairs: ti.template(), place_i, place_j, rank_j):
     """Entry of the pair in the list of place_i, or -1."""
     entry = -1
-    for k in range(entry_number(pairs, place_i)):
+    for k in range(entry_count(pairs, place_i)):
         e = pairs.start[place_i] + k * pairs.stride
         if pairs.neighbour[e] == rank_j:
             entry = e
@@ -51,22 +51,22 @@ def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
 
 
 @ti.func
-def old_entry(world: ti.template(), r, rank_i, rank_j):
+def find_old_entry(world: ti.template(), r, rank_i, rank_j):
     """Entry of a pair in the old lists, or -1, and the sign of its history for the first grain."""
     row, old = r * world.grains.capacity, side_block(world.grains, r, world.replicas.side[r])
     old_i, old_j = world.cells.order[row + rank_i], world.cells.order[row + rank_j]
-    sign, source = 1.0, find_entry(world.pairs, old + old_i, old + old_j, old_j)
+    sign, source = 1.0, find_pair_entry(world.pairs, old + old_i, old + old_j, old_j)
     if source < 0:
-        sign, source = -1.0, find_entry(world.pairs, old + old_j, old + old_i, old_i)
+        sign, source = -1.0, find_pair_entry(world.pairs, old + old_j, old + old_i, old_i)
     return source, sign
 
 
 @ti.func
-def proximity(world: ti.template(), r, i, j, period):
+def pair_proximity(world: ti.template(), r, i, j, period):
     """Relation of places i and j: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
     within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
-    away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
+    away = nearest_image_distances(ti.abs(grains.origin[i] - grains.origin[j]), period)
     distance_squared = ti.cast(away.norm_sqr(), float)
     state = 0
     if distance_squared < within * within:
@@ -76,7 +76,7 @@ def proximity(world: ti.template(), r, i, j, period):
             free = within - world.replicas.met_reach[r]
             if distance_squared >= free * free:
                 base = side_block(grains, r, 1 - world.replicas.side[r])
-                source, _ = old_entry(world, r, i - base, j - base)
+                source, _ = find_old_entry(world, r, i - base, j - base)
                 state = ti.select(source < 0, 0, world.pairs.label[ti.max(source, 0)] & MET) // MET
     if ti.static(world.has_clumps):
         row = r * grains.capacity
@@ -86,7 +86,7 @@ def proximity(world: ti.template(), r, i, j, period):
 
 
 @ti.func
-def cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
+def ranks_of_cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
     """Ranks [first, last) of one run of cells in row `row` after the cell `place`; empty outside the grid.
 
     `number` cells and `periodic` flags go along the arranged axes, called x, y, z here. Piece 0 is the run
@@ -113,7 +113,7 @@ def cell_run(cells: ti.template(), number, periodic, r, place, row, piece):
 
 
 @ti.func
-def list_partner(world_out: ti.template(), entry, limit, partners, touching, j, state):
+def append_partner(world_out: ti.template(), entry, limit, partners, touching, j, state):
     """Write partner j behind the `partners` written, `touching` first, and return both numbers.
 
     Nothing is written from `limit` on; a number beyond it makes the host grow the list.
@@ -132,53 +132,53 @@ def list_partner(world_out: ti.template(), entry, limit, partners, touching, j, 
 
 
 @ti.func
-def search_cells(world_out: ti.template(), r, rank, entry, limit):
+def list_partners_in_cells(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of one grain in its own and adjacent cells, wide partners excepted."""
     (cells,) = ti.static((world_out.cells,))
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
-    periodic = to_axis_order(cells, r, ti.cast(period > 0.0, ti.i32))
-    number = to_axis_order(cells, r, cells.number[r])
+    periodic = reorder_axes(cells, r, ti.cast(period > 0.0, ti.i32))
+    number = reorder_axes(cells, r, cells.number[r])
     partners, touching = 0, 0
     for run in range(2 * ROWS):
-        first, last = cell_run(cells, number, periodic, r, place, run // 2, run % 2)
+        first, last = ranks_of_cell_run(cells, number, periodic, r, place, run // 2, run % 2)
         if run == 0:
             first = rank + 1
         for j in range(first, last):
-            state = proximity(world_out, r, base + rank, base + j, period)
+            state = pair_proximity(world_out, r, base + rank, base + j, period)
             if state > 0:
-                if is_wide(world_out, r, base + j):
+                if is_wide_grain(world_out, r, base + j):
                     state = 0
-                partners, touching = list_partner(world_out, entry, limit, partners, touching, j, state)
+                partners, touching = append_partner(world_out, entry, limit, partners, touching, j, state)
     return partners
 
 
 @ti.func
-def search_all(world_out: ti.template(), r, rank, entry, limit):
+def list_partners_of_wide(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of a wide grain among all others; a pair of wide grains is listed by the first."""
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, 1 - replicas.side[r])
     period = replicas.period[r]
     partners, touching = 0, 0
     for j in range(replicas.released[r]):
-        state = proximity(world_out, r, base + rank, base + j, period)
+        state = pair_proximity(world_out, r, base + rank, base + j, period)
         if state > 0:
-            if j == rank or (j < rank and is_wide(world_out, r, base + j)):
+            if j == rank or (j < rank and is_wide_grain(world_out, r, base + j)):
                 state = 0
-            partners, touching = list_partner(world_out, entry, limit, partners, touching, j, state)
+            partners, touching = append_partner(world_out, entry, limit, partners, touching, j, state)
     return partners
 
 
 @ti.func
-def search_grain(world_out: ti.template(), r, rank, entry, limit):
+def list_partners(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of one grain from `entry` on; returns the number of entries needed."""
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     partners = 0
-    if is_wide(world_out, r, base + rank):
-        partners = search_all(world_out, r, rank, entry, limit)
+    if is_wide_grain(world_out, r, base + rank):
+        partners = list_partners_of_wide(world_out, r, rank, entry, limit)
     else:
-        partners = search_cells(world_out, r, rank, entry, limit)
+        partners = list_partners_in_cells(world_out, r, rank, entry, limit)
     return partners
 
 
@@ -200,7 +200,7 @@ def release_grain(world_out: ti.template(), r, rank):
     if ti.static(world_out.has_external_forces):
         clear_frozen_drag(world_out.frozen_drag, i)
     if ti.static(world_out.sleeps):
-        clear_sleep(world_out.sleep, i)
+        set_awake(world_out.sleep, i)
     if ti.static(world_out.has_state):
         set_initial_effect_states(world_out.pair_effects, r, i)
         set_initial_effect_states(world_out.grain_effects, r, i)
@@ -231,15 +231,15 @@ def release_grains(world_out: ti.template(), r):
 
 
 @ti.func
-def move_grain(world_out: ti.template(), r, rank):
+def copy_grain_to_rank(world_out: ti.template(), r, rank):
     """Copy the grain that the sort puts at `rank` to the other side, with the shift added to the origin."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     i = side_block(grains_out, r, replicas.side[r]) + world_out.cells.order[r * grains_out.capacity + rank]
     k = side_block(grains_out, r, 1 - replicas.side[r]) + rank
     velocity = grains_out.velocity[i]
     radius = grains_out.radius[i]
-    allowed = skin(replicas, r, radius, velocity.norm())
-    grains_out.origin[k] = position_of(grains_out, replicas, r, i)
+    allowed = verlet_skin(replicas, r, radius, velocity.norm())
+    grains_out.origin[k] = wrapped_position(grains_out, replicas, r, i)
     grains_out.shift[k] = 0.0 * velocity
     grains_out.velocity[k] = velocity
     grains_out.spin[k] = grains_out.spin[i]
@@ -252,25 +252,25 @@ def move_grain(world_out: ti.template(), r, rank):
     if ti.static(world_out.has_external_forces):
         copy_frozen_drag(world_out.frozen_drag, k, i)
     if ti.static(world_out.sleeps):
-        move_sleep(world_out.sleep, k, i)
+        copy_sleep_state(world_out.sleep, k, i)
     if ti.static(world_out.has_state):
         copy_effect_states(world_out.pair_effects, k, i)
         copy_effect_states(world_out.grain_effects, k, i)
 
 
 @ti.func
-def move_grains(world_out: ti.template(), r, p):
+def copy_grains_in_order(world_out: ti.template(), r, p):
     """Copy partition p to the other side in sorted order."""
-    first = partition_first(world_out.replicas, r, p)
-    for rank in range(first, partition_first(world_out.replicas, r, p + 1)):
-        move_grain(world_out, r, rank)
+    first = partition_first_rank(world_out.replicas, r, p)
+    for rank in range(first, partition_first_rank(world_out.replicas, r, p + 1)):
+        copy_grain_to_rank(world_out, r, rank)
 
 
 @ti.func
-def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
+def copy_pair_history(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Copy the history of a pair from the old list to `entry`; its sign is that of the first grain."""
     (pairs_out,) = ti.static((world_out.pairs,))
-    source, sign = old_entry(world_out, r, rank_i, rank_j)
+    source, sign = find_old_entry(world_out, r, rank_i, rank_j)
     tangential_displacement = 0.0 * pairs_out.separation[entry]
     rolling_displacement = tangential_displacement
     history = 0
@@ -284,7 +284,7 @@ def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 
 @ti.func
-def may_persist(world: ti.template(), i, j, difference):
+def may_have_history(world: ti.template(), i, j, difference):
     """Whether a contact of places i and j may have a history: touching, adhesive, or with pair effects."""
     (grains,) = ti.static((world.grains,))
     persists = True
@@ -295,7 +295,7 @@ def may_persist(world: ti.template(), i, j, difference):
 
 
 @ti.func
-def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
+def write_pair_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Constants and contact history of one listed pair."""
     grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
     base = side_block(grains, r, 1 - world_out.replicas.side[r])
@@ -314,8 +314,8 @@ def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     pairs_out.damping[entry] = materials.damping[row] * ti.sqrt(mass)
     pairs_out.rolling_damping[entry] = world_out.laws.rolling_constant(materials, row, root_radius, inertia)
     history = 0
-    if may_persist(world_out, i, j, difference):
-        history = copy_history(world_out, r, entry, rank_i, rank_j)
+    if may_have_history(world_out, i, j, difference):
+        history = copy_pair_history(world_out, r, entry, rank_i, rank_j)
     else:
         pairs_out.tangential_displacement[entry] = 0.0 * pairs_out.tangential_displacement[entry]
         pairs_out.rolling_displacement[entry] = 0.0 * pairs_out.rolling_displacement[entry]
@@ -323,25 +323,25 @@ def write_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
 
 
 @ti.func
-def extended_range(ranks, rank):
+def extend_range(ranks, rank):
     """Range [lowest rank, one past the highest) extended by one rank."""
     return ti.Vector([ti.min(ranks[0], rank), ti.max(ranks[1], rank + 1)])
 
 
 @ti.func
-def list_partition(world_out: ti.template(), r, p):
+def list_partition_pairs(world_out: ti.template(), r, p):
     """Fill the lists of one partition, and record the ranks that its forces reach."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)
-    first = partition_first(replicas_out, r, p)
-    last = partition_first(replicas_out, r, p + 1)
-    entry = entry_block(pairs_out, r, side) + partition_entries(pairs_out, replicas_out, r, p)
+    first = partition_first_rank(replicas_out, r, p)
+    last = partition_first_rank(replicas_out, r, p + 1)
+    entry = side_first_entry(pairs_out, r, side) + partition_first_entry(pairs_out, replicas_out, r, p)
     limit = entry + pairs_out.capacity // replicas_out.partitions[r]
     before, behind = ti.Vector([first, 0]), ti.Vector([replicas_out.released[r], 0])
     short = 0
     for rank in range(first, last):
-        partners = search_grain(world_out, r, rank, entry, limit)
+        partners = list_partners(world_out, r, rank, entry, limit)
         listed = ti.min(partners, limit - entry)
         short += partners - listed
         pairs_out.start[base + rank] = entry
@@ -349,10 +349,10 @@ def list_partition(world_out: ti.template(), r, p):
         for e in range(entry, entry + listed):
             j = pairs_out.neighbour[e]
             if j < first:
-                before = extended_range(before, j)
+                before = extend_range(before, j)
             if j >= last:
-                behind = extended_range(behind, j)
-            write_entry(world_out, r, e, rank, j)
+                behind = extend_range(behind, j)
+            write_pair_entry(world_out, r, e, rank, j)
         entry += listed
     replicas_out.short[r, p] = short
     replicas_out.before_low[r, p], replicas_out.before_high[r, p] = before

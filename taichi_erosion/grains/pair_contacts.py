@@ -6,46 +6,46 @@ the forces are scattered to the grains.
 
 from taichi_erosion.core.effect_device import any_lets_pass, total_attraction, total_vector_force
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT, end_contact
+from taichi_erosion.grains.cells import wrapped_position
+from taichi_erosion.grains.neighbour_list import ENGAGED, MET, ROW_SHIFT, clear_history
 from taichi_erosion.grains.simd_batch import (
-    evaluate_contact,
+    evaluate_contact_law,
     lane,
-    load_entry,
-    load_materials,
+    load_entry_to_lane,
+    load_materials_row,
     set_lane,
-    store_contact,
+    store_history,
 )
-from taichi_erosion.grains.sleep import next_awake, note_wake
-from taichi_erosion.grains.state import force_block, partition_first, side_block
+from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
+from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_block
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
 STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of a 32-bit number
 
 
 @ti.func
-def is_too_deep(replicas: ti.template(), r, overlap, size):
+def is_overlap_too_deep(replicas: ti.template(), r, overlap, size):
     """Whether an overlap is beyond the limit, which is a share of `size` [m]."""
     return overlap > replicas.overlap_limit[r] * size
 
 
 @ti.func
-def report_overlap(replicas_out: ti.template(), r, p, rank, partner, overlap, size):
+def report_deep_overlap(replicas_out: ti.template(), r, p, rank, partner, overlap, size):
     """Record the first overlap of this partition beyond the limit, which is a share of `size` [m]."""
-    if is_too_deep(replicas_out, r, overlap, size) and replicas_out.fault_value[r, p] == 0.0:
+    if is_overlap_too_deep(replicas_out, r, overlap, size) and replicas_out.fault_value[r, p] == 0.0:
         replicas_out.fault_value[r, p] = overlap / size
         replicas_out.fault_grain[r, p] = rank
         replicas_out.fault_partner[r, p] = partner
 
 
 @ti.func
-def effects_act(materials: ti.template(), entries: ti.template(), e):
+def do_pair_effects_act(materials: ti.template(), entries: ti.template(), e):
     """Whether pair effects act between the materials of entry e."""
     return materials.effects[entries.label[e] >> ROW_SHIFT] > 0.0
 
 
 @ti.func
-def effect_force(
+def contact_effect_force(
     world_out: ti.template(),
     entries_out: ti.template(),
     batch: ti.template(),
@@ -95,7 +95,7 @@ def pair_effect_force(world_out: ti.template(), batch: ti.template(), n, r, base
     i, j, offset = base + batch.owner[n], base + batch.partner[n], lane(batch.offset, n)
     normal, root = offset.normalized(), batch.root_radius[n]
     closing, mass_j = -lane(batch.velocity, n).dot(normal), 1.0 / world_out.grains.mass_inverse[j]
-    return effect_force(
+    return contact_effect_force(
         world_out, world_out.pairs, batch, n, r, i, j, normal, offset, closing, root * root, mass_j
     )
 
@@ -111,7 +111,7 @@ def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, bas
 
 
 @ti.func
-def pair_random(first, second):
+def pair_random_number(first, second):
     """Uniform random number in [0, 1) that belongs to a pair of grains, in either order."""
     low, high = ti.cast(ti.min(first, second), ti.u32), ti.cast(ti.max(first, second), ti.u32)
     key = (low * ti.u32(MULTIPLIER) + high) * ti.u32(STIR)
@@ -120,40 +120,40 @@ def pair_random(first, second):
 
 
 @ti.func
-def passes_through(world: ti.template(), r, e, i, j, overlap):
+def pass_through_each_other(world: ti.template(), r, e, i, j, overlap):
     """Whether the overlapping grains at places i and j pass through each other."""
     grains, replicas = ti.static((world.grains, world.replicas))
     free = 0
     # an engaged contact stays engaged
     if world.pairs.label[e] & ENGAGED == 0 and overlap > 0.0:
-        first, second = position_of(grains, replicas, r, i), position_of(grains, replicas, r, j)
+        first, second = wrapped_position(grains, replicas, r, i), wrapped_position(grains, replicas, r, j)
         contact = world.first_contact_type(
             height=ti.cast(ti.min(first[2], second[2]), float),
             depth=overlap / world.pairs.root_radius[e] ** 2,
-            chance=pair_random(grains.ident[i], grains.ident[j]),
+            chance=pair_random_number(grains.ident[i], grains.ident[j]),
         )
         free = any_lets_pass(world.first_contact_effects, r, contact)
     return free
 
 
 @ti.func
-def fill_materials(world: ti.template(), batch_out: ti.template(), row):
+def load_shared_row(world: ti.template(), batch_out: ti.template(), row):
     """Load the row of Materials that all pairs share to all lanes; nothing where it is -1."""
     if row >= 0:
         for n in range(world.lanes):
-            load_materials(world, batch_out, n, row)
+            load_materials_row(world, batch_out, n, row)
 
 
 @ti.func
-def load_pair(world: ti.template(), batch_out: ti.template(), n, base, row):
-    """Load what the contact law reads of the pair in lane n; `row` is what `fill_materials` has loaded."""
+def load_pair_to_lane(world: ti.template(), batch_out: ti.template(), n, base, row):
+    """Load what the contact law reads of the pair in lane n; `row` is what `load_shared_row` has loaded."""
     grains, pairs = ti.static((world.grains, world.pairs))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
     batch_out.radius_i[n] = grains.radius[i]
     batch_out.radius_j[n] = grains.radius[j]
-    load_entry(world, pairs, batch_out, n)
+    load_entry_to_lane(world, pairs, batch_out, n)
     if row < 0:
-        load_materials(world, batch_out, n, pairs.label[batch_out.entry[n]] >> ROW_SHIFT)
+        load_materials_row(world, batch_out, n, pairs.label[batch_out.entry[n]] >> ROW_SHIFT)
     set_lane(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
     set_lane(batch_out.spin_i, n, grains.spin[i])
     set_lane(batch_out.spin_j, n, grains.spin[j])
@@ -169,7 +169,7 @@ def evaluate_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
     offset = lane(batch_out.offset, n)
     span = batch_out.radius_i[n] + batch_out.radius_j[n]
     distance = offset.norm()
-    evaluate_contact(laws, batch_out, n, dt, offset * (1.0 / distance), span - distance, distance / span)
+    evaluate_contact_law(laws, batch_out, n, dt, offset * (1.0 / distance), span - distance, distance / span)
 
 
 @ti.func
@@ -186,7 +186,7 @@ def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
     force = lane(batch.force, n)
     torque, back = pair_torques(batch, n)
-    store_contact(world_out.pairs, batch, n)
+    store_history(world_out.pairs, batch, n)
     grains_out.force[action] = grains_out.force[action] + force
     grains_out.torque[action] = grains_out.torque[action] + torque
     grains_out.force[reaction] = grains_out.force[reaction] - force
@@ -214,14 +214,14 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
     near = ti.cast(distance_squared < reach * reach, ti.i32)
     if ti.static(world_out.first_contact_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
-        near -= near * passes_through(world_out, r, e, i, j, overlap)
+        near -= near * pass_through_each_other(world_out, r, e, i, j, overlap)
     if near < pairs_out.label[e] & ENGAGED:
-        end_contact(pairs_out, e)
+        clear_history(pairs_out, e)
     return near
 
 
 @ti.func
-def pair_size(batch: ti.template(), n):
+def overlap_scale(batch: ti.template(), n):
     """Length that the overlap in lane n is compared with: twice the effective radius [m]."""
     return 2.0 * batch.root_radius[n] * batch.root_radius[n]
 
@@ -229,18 +229,18 @@ def pair_size(batch: ti.template(), n):
 @ti.func
 def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grains."""
-    buffer = force_block(world_out.grains, world_out.replicas, r, p)
-    size = pair_size(batch, n)
-    report_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
+    buffer = first_force_place(world_out.grains, world_out.replicas, r, p)
+    size = overlap_scale(batch, n)
+    report_deep_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
         scatter_pair(world_out, batch, n, buffer)
     else:
-        end_contact(world_out.pairs, batch.entry[n])
+        clear_history(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
-        if effects_act(world_out.materials, world_out.pairs, batch.entry[n]):
+        if do_pair_effects_act(world_out.materials, world_out.pairs, batch.entry[n]):
             apply_pair_effects(world_out, batch, n, r, base, buffer)
     if ti.static(world_out.sleeps):
-        note_wake(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
+        record_sleep_change(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 
 
 @ti.func
@@ -248,22 +248,22 @@ def add_pair_forces(world_out: ti.template(), r, p):
     """Add the forces of all pairs of one partition."""
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
-    first = partition_first(replicas, r, p)
-    last = partition_first(replicas, r, p + 1)
+    first = partition_first_rank(replicas, r, p)
+    last = partition_first_rank(replicas, r, p + 1)
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     row = replicas.pair_row[r]
     if first < last:
-        fill_materials(world_out, batch, row)
+        load_shared_row(world_out, batch, row)
         end = pairs.stop[base + last - 1]
-        e = next_awake(world_out, base, pairs.start[base + first], end)
+        e = next_awake_entry(world_out, base, pairs.start[base + first], end)
         while e < end:
             filled = 0
             while e < end and filled < world_out.lanes:
                 filled += detect_pair(world_out, batch, filled, r, e, base)
-                e = next_awake(world_out, base, e + 1, end)
+                e = next_awake_entry(world_out, base, e + 1, end)
             for n in range(filled):
-                load_pair(world_out, batch, n, base, row)
+                load_pair_to_lane(world_out, batch, n, base, row)
             for n in range(filled):
                 evaluate_pair(world_out.laws, batch, n, dt)
             for n in range(filled):

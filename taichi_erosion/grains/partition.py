@@ -52,7 +52,7 @@ def owns_partition(replicas: ti.template(), r, p, member, size):
 
 
 @ti.func
-def engaged_contacts(entries: ti.template(), i):
+def count_engaged(entries: ti.template(), i):
     """Number of engaged contacts of the grain at place i."""
     number = 0
     for e in range(entries.start[i], entries.stop[i]):
@@ -61,11 +61,11 @@ def engaged_contacts(entries: ti.template(), i):
 
 
 @ti.func
-def cost(world: ti.template(), i):
+def grain_cost(world: ti.template(), i):
     """Cost of the grain at place i, from its lists before the rebuild."""
     pairs, walls = ti.static((world.pairs, world.wall_pairs))
     listed = pairs.stop[i] - pairs.start[i] + WALL * (walls.stop[i] - walls.start[i])
-    return GRAIN + listed + CONTACT * engaged_contacts(pairs, i) + WALL_CONTACT * engaged_contacts(walls, i)
+    return GRAIN + listed + CONTACT * count_engaged(pairs, i) + WALL_CONTACT * count_engaged(walls, i)
 
 
 @ti.func
@@ -77,13 +77,13 @@ def balance_partitions(world_out: ti.template(), r):
     whole = ti.cast(0, ti.i64)
     if parts > 1:
         for i in range(base, base + count):
-            whole += cost(world_out, i)
+            whole += grain_cost(world_out, i)
     number = 1
     spent = ti.cast(0, ti.i64)
     for rank in range(count * ti.cast(parts > 1, ti.i32)):
         while number < parts and spent * parts >= whole * number:
             replicas_out.bounds[r, number] = rank
             number += 1
-        spent += cost(world_out, base + cells.order[r * grains.capacity + rank])
+        spent += grain_cost(world_out, base + cells.order[r * grains.capacity + rank])
     for p in range(number, parts):
         replicas_out.bounds[r, p] = count

@@ -15,7 +15,7 @@ from taichi_erosion.grains.neighbour_list import ENGAGED
 LANES = 16  # contacts of a batch on a CPU; 32 were no faster
 
 
-def batch_type(lanes: int) -> Any:
+def batch_struct_type(lanes: int) -> Any:
     """Struct of one batch in the run's precision; every member has one number, or one vector, per lane."""
     whole = ti.types.vector(lanes, ti.i32)
     real = ti.types.vector(lanes, float)
@@ -27,10 +27,10 @@ def batch_type(lanes: int) -> Any:
     results = ("force", "moment", "torque_per_radius")
     members = dict.fromkeys(labels, whole) | dict.fromkeys(scalars, real)
     members |= dict.fromkeys((*geometry, *displacements, *results), vector)
-    return ti.types.struct(**members, materials=lane_materials_type(lanes))
+    return ti.types.struct(**members, materials=lane_materials_struct_type(lanes))
 
 
-def lane_materials_type(lanes: int) -> Any:
+def lane_materials_struct_type(lanes: int) -> Any:
     """Copy of the row of Materials of every lane: the laws read it as a table whose row is the lane.
 
     Gathering from the table inside the law costs more: 77 against 69 ns a grain in a bed of 2.9 contacts a
@@ -54,7 +54,7 @@ def set_lane(columns_out: ti.template(), n, vector):
 
 
 @ti.func
-def load_materials(world: ti.template(), batch_out: ti.template(), n, row):
+def load_materials_row(world: ti.template(), batch_out: ti.template(), n, row):
     """Load a row of Materials to lane n."""
     materials, lanes_out = ti.static((world.materials, batch_out.materials))
     lanes_out.young[n] = materials.young[row]
@@ -67,7 +67,7 @@ def load_materials(world: ti.template(), batch_out: ti.template(), n, row):
 
 
 @ti.func
-def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
+def load_entry_to_lane(world: ti.template(), entries: ti.template(), batch_out: ti.template(), n):
     """Load constants and history of the entry in lane n; `entries` is a neighbour list or a wall list."""
     e = batch_out.entry[n]
     batch_out.root_radius[n] = entries.root_radius[e]
@@ -80,7 +80,7 @@ def load_entry(world: ti.template(), entries: ti.template(), batch_out: ti.templ
 
 
 @ti.func
-def store_contact(entries_out: ti.template(), batch: ti.template(), n):
+def store_history(entries_out: ti.template(), batch: ti.template(), n):
     """Store the history of the acting contact in lane n."""
     e = batch.entry[n]
     entries_out.label[e] = entries_out.label[e] | ENGAGED
@@ -89,7 +89,7 @@ def store_contact(entries_out: ti.template(), batch: ti.template(), n):
 
 
 @ti.func
-def evaluate_contact(laws: ti.template(), batch_out: ti.template(), n, dt, normal, overlap, lever):
+def evaluate_contact_law(laws: ti.template(), batch_out: ti.template(), n, dt, normal, overlap, lever):
     """Contact law in lane n; the `lever` of the forces is the distance of the centre over the radius [1]."""
     root = batch_out.root_radius[n]
     elastic, contact_radius, cap_force, acts = laws.normal_force(

@@ -22,10 +22,10 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
-from taichi_erosion.grains.frozen_drag import apply_drag
-from taichi_erosion.grains.neighbour_list import ENGAGED, entry_number
+from taichi_erosion.grains.frozen_drag import velocity_after_drag
+from taichi_erosion.grains.neighbour_list import ENGAGED, entry_count
 from taichi_erosion.grains.partition import barrier, owns_partition
-from taichi_erosion.grains.state import arrays, partition_first, side_block
+from taichi_erosion.grains.state import arrays, partition_first_rank, side_block
 
 REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
 DEEP = 0.05  # of its weight, by air and fields: a grain with more lies open to the wind [1]
@@ -66,21 +66,21 @@ def is_asleep(sleep: ti.template(), i):
 
 
 @ti.func
-def move_sleep(sleep_out: ti.template(), k, i):
+def copy_sleep_state(sleep_out: ti.template(), k, i):
     """Copy the sleep state of place i to place k."""
     for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[k] = field_out[i]
 
 
 @ti.func
-def clear_sleep(sleep_out: ti.template(), i):
+def set_awake(sleep_out: ti.template(), i):
     """Sleep state of a grain that is released: awake."""
     for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[i] = 0 * field_out[i]
 
 
 @ti.func
-def note_wake(sleep_out: ti.template(), i, j):
+def record_sleep_change(sleep_out: ti.template(), i, j):
     """Set RECORDING for a sleeping grain of the pair whose partner has just woken or fallen asleep."""
     first, second = sleep_out.state[i], sleep_out.state[j]
     if first == ASLEEP and (second == WOKEN or second == FALLING_ASLEEP):
@@ -90,7 +90,7 @@ def note_wake(sleep_out: ti.template(), i, j):
 
 
 @ti.func
-def next_awake(world_out: ti.template(), base, e, end):
+def next_awake_entry(world_out: ti.template(), base, e, end):
     """First entry from e on with at least one awake grain."""
     awake = e
     if ti.static(world_out.sleeps):
@@ -99,13 +99,13 @@ def next_awake(world_out: ti.template(), base, e, end):
             i, j = base + world_out.pairs.owner[awake], base + world_out.pairs.neighbour[awake]
             asleep = ti.cast(is_asleep(world_out.sleep, i) and is_asleep(world_out.sleep, j), ti.i32)
             if asleep == 1:
-                note_wake(world_out.sleep, i, j)
+                record_sleep_change(world_out.sleep, i, j)
                 awake += 1
     return awake
 
 
 @ti.func
-def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
+def hold_if_asleep(world_out: ti.template(), r, i, buffer, kick):
     """Fix a sleeping grain at place i for one step, and clear its buffer; returns whether it sleeps."""
     grains_out, sleep_out = ti.static((world_out.grains, world_out.sleep))
     asleep = is_asleep(sleep_out, i)
@@ -118,7 +118,7 @@ def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
         elif not (force - sleep_out.load[i]).norm() <= bearable:  # also where it is not a number
             sleep_out.state[i] = WOKEN
             sleep_out.rest_count[i] = 0
-        apply_drag(world_out.frozen_drag, i, grains_out.velocity[i], kick)
+        velocity_after_drag(world_out.frozen_drag, i, grains_out.velocity[i], kick)
         grains_out.force[buffer] = 0.0 * force
         grains_out.torque[buffer] = 0.0 * force
     elif sleep_out.state[i] == WOKEN:
@@ -127,7 +127,7 @@ def hold_sleeping(world_out: ti.template(), r, i, buffer, kick):
 
 
 @ti.func
-def count_rest(world_out: ti.template(), r, i):
+def count_rest_exchanges(world_out: ti.template(), r, i):
     """Count the exchanges in a row at which the grain at place i was at rest."""
     grains, sleep_out = ti.static((world_out.grains, world_out.sleep))
     radius = grains.radius[i]
@@ -138,11 +138,11 @@ def count_rest(world_out: ti.template(), r, i):
 
 
 @ti.func
-def mark_unsettled(world_out: ti.template(), r, i):
+def mark_unsettled_pairs(world_out: ti.template(), r, i):
     """Mark both grains of every engaged pair of the grain at place i where one has not rested long enough."""
     pairs, sleep_out = ti.static((world_out.pairs, world_out.sleep))
     base, rest_least = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.rest_least[r]
-    for k in range(entry_number(pairs, i)):
+    for k in range(entry_count(pairs, i)):
         e = pairs.start[i] + k * pairs.stride
         j = base + pairs.neighbour[e]
         rested = ti.min(sleep_out.rest_count[i], sleep_out.rest_count[j])
@@ -172,16 +172,16 @@ def update_sleep_state(world_out: ti.template(), r, i):
 
 
 @ti.func
-def update_sleep(world_out: ti.template(), r, member, size, phase):
+def update_sleep_states(world_out: ti.template(), r, member, size, phase):
     """Sleep states of replica r until the next exchange; returns the next barrier."""
     (replicas_out,) = ti.static((world_out.replicas,))
     if world_out.sleep.rest_least[r] > 0:
         base = side_block(world_out.grains, r, replicas_out.side[r])
-        for task in ti.static((count_rest, mark_unsettled, update_sleep_state)):
+        for task in ti.static((count_rest_exchanges, mark_unsettled_pairs, update_sleep_state)):
             for p in range(replicas_out.partitions[r]):
                 if owns_partition(replicas_out, r, p, member, size):
-                    first = partition_first(replicas_out, r, p)
-                    for rank in range(first, partition_first(replicas_out, r, p + 1)):
+                    first = partition_first_rank(replicas_out, r, p)
+                    for rank in range(first, partition_first_rank(replicas_out, r, p + 1)):
                         task(world_out, r, base + rank)
             phase = barrier(replicas_out, r, size, phase)
     return phase

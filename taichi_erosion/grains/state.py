@@ -176,12 +176,12 @@ def side_block(grains: ti.template(), r, side):
 
 
 @ti.func
-def partition_first(replicas: ti.template(), r, p):
+def partition_first_rank(replicas: ti.template(), r, p):
     """First rank of partition p of replica r."""
     return replicas.bounds[r, p]
 
 
 @ti.func
-def force_block(grains: ti.template(), replicas: ti.template(), r, p):
+def first_force_place(grains: ti.template(), replicas: ti.template(), r, p):
     """First place of the force buffer of partition p of replica r."""
     return (p * replicas.count + r) * grains.capacity

@@ -16,28 +16,28 @@ from taichi_erosion.grains.neighbour_list import (
     ENGAGED,
     HISTORY,
     ROW_SHIFT,
-    end_contact,
-    entry_block,
-    partition_entries,
+    clear_history,
+    partition_first_entry,
+    side_first_entry,
 )
-from taichi_erosion.grains.pair_contacts import effect_force, effects_act, report_overlap
+from taichi_erosion.grains.pair_contacts import contact_effect_force, do_pair_effects_act, report_deep_overlap
 from taichi_erosion.grains.simd_batch import (
-    evaluate_contact,
+    evaluate_contact_law,
     lane,
-    load_entry,
-    load_materials,
+    load_entry_to_lane,
+    load_materials_row,
     set_lane,
-    store_contact,
+    store_history,
 )
 from taichi_erosion.grains.sleep import is_asleep
-from taichi_erosion.grains.state import block, force_block, partition_first, side_block
+from taichi_erosion.grains.state import block, first_force_place, partition_first_rank, side_block
 from taichi_erosion.grains.walls import (
     NO_SERVO,
     TORQUE,
     into_wall_frame,
     out_of_wall_frame,
-    servo_place,
-    surface_of,
+    primitive_surface,
+    servo_sum_place,
     surface_velocity,
     wall_distance,
     wall_offset,
@@ -89,7 +89,7 @@ def position_at(grains: ti.template(), i):
 def position_in_wall_frame(world: ti.template(), i, e):
     """Position of the grain at place i in the frame of the wall of entry e [m]."""
     walls, entries = ti.static((world.walls, world.wall_pairs))
-    return into_wall_frame(walls, surface_of(walls, entries.wall[e]), position_at(world.grains, i))
+    return into_wall_frame(walls, primitive_surface(walls, entries.wall[e]), position_at(world.grains, i))
 
 
 @ti.func
@@ -116,7 +116,7 @@ def is_local_minimum(world: ti.template(), i, e):
 
 
 @ti.func
-def locate_contacts(world_out: ti.template(), i):
+def locate_wall_contacts(world_out: ti.template(), i):
     """Closest points of all walls near the grain at place i, and which of them are local minima."""
     entries_out, walls = ti.static((world_out.wall_pairs, world_out.walls))
     for e in range(entries_out.start[i], entries_out.stop[i]):
@@ -129,7 +129,7 @@ def locate_contacts(world_out: ti.template(), i):
 
 
 @ti.func
-def transfer_history(world_out: ti.template(), i):
+def transfer_wall_history(world_out: ti.template(), i):
     """Copy the history from the entry where a contact ended to that where it continues, within a surface."""
     surface, entries_out = ti.static((world_out.walls.surface, world_out.wall_pairs))
     for e in range(entries_out.start[i], entries_out.stop[i]):
@@ -148,7 +148,7 @@ def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
     normal, radius = lane(batch.offset, n), batch.radius_i[n]
     place, closing = ti.cast(position_at(grains, i), float), -grains.velocity[i].dot(normal)
     j = world_out.pair_effects.wall_place
-    return effect_force(
+    return contact_effect_force(
         world_out, world_out.wall_pairs, batch, n, r, i, j, normal, place, closing, radius, 0.0
     )
 
@@ -161,7 +161,7 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
     """
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     i, w = base + entries_out.owner[e], entries_out.wall[e]
-    s = surface_of(walls, w)
+    s = primitive_surface(walls, w)
     distance = wall_distance(walls, w, entries_out.offset[e])
     radius = grains.radius[i]
     near = walls.present[s] * entries_out.pushes[e]
@@ -181,33 +181,33 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
         set_lane(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
     else:
         near = 0
-        end_contact(entries_out, e)
+        clear_history(entries_out, e)
     return near
 
 
 @ti.func
 def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
     """Contact law in lane n; the grain turns about a point of its own surface."""
-    evaluate_contact(laws, batch_out, n, dt, lane(batch_out.offset, n), batch_out.overlap[n], 1.0)
+    evaluate_contact_law(laws, batch_out, n, dt, lane(batch_out.offset, n), batch_out.overlap[n], 1.0)
 
 
 @ti.func
 def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grain."""
     rank, radius = batch.owner[n], batch.radius_i[n]
-    report_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
+    report_deep_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
     force = add_wall_force(
-        world_out, batch, n, r, base, force_block(world_out.grains, world_out.replicas, r, p)
+        world_out, batch, n, r, base, first_force_place(world_out.grains, world_out.replicas, r, p)
     )
     if ti.static(world_out.walls.servos > 0):
-        add_push(world_out, batch, n, p, base, force)
+        add_servo_push(world_out, batch, n, p, base, force)
 
 
 @ti.func
-def add_push(world_out: ti.template(), batch: ti.template(), n, p, base, force):
+def add_servo_push(world_out: ti.template(), batch: ti.template(), n, p, base, force):
     """Add a force on the grain in lane n [N] to what the servo of its wall reads."""
     (walls_out,) = ti.static((world_out.walls,))
-    s = surface_of(walls_out, -1 - batch.partner[n])
+    s = primitive_surface(walls_out, -1 - batch.partner[n])
     if walls_out.servo[s] != NO_SERVO:
         along = walls_out.axis[s]
         if walls_out.servo[s] == TORQUE:
@@ -216,7 +216,7 @@ def add_push(world_out: ti.template(), batch: ti.template(), n, p, base, force):
             along = along.cross(point - walls_out.centre[s] - walls_out.shift[s])
         row = world_out.wall_pairs.label[batch.entry[n]] >> ROW_SHIFT
         width = batch.root_radius[n] * ti.sqrt(ti.max(batch.overlap[n], 0.0))
-        place = servo_place(walls_out, world_out.replicas, p, s)
+        place = servo_sum_place(walls_out, world_out.replicas, p, s)
         walls_out.push[place] = walls_out.push[place] - along.dot(force)
         stiff = 2.0 * world_out.materials.young[row] * width * along.norm_sqr()
         walls_out.stiffness[place] = walls_out.stiffness[place] + stiff
@@ -229,7 +229,7 @@ def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, b
     e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
     place, total = buffer + rank, ti.Vector.zero(float, 3)
     if batch.acts[n] == 1:
-        store_contact(entries_out, batch, n)
+        store_history(entries_out, batch, n)
         # until the next rebuild: a contact that ends is cleared at once
         entries_out.clearance_squared[base + rank] = 0.0
         total = lane(batch.force, n)
@@ -237,9 +237,9 @@ def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, b
         torque = lane(batch.moment, n) - radius * lane(batch.torque_per_radius, n)
         grains_out.torque[place] = grains_out.torque[place] + torque
     else:
-        end_contact(entries_out, e)
+        clear_history(entries_out, e)
     if ti.static(world_out.pair_effects.any):
-        if effects_act(world_out.materials, entries_out, e):
+        if do_pair_effects_act(world_out.materials, entries_out, e):
             pull = wall_effect_force(world_out, r, batch, n, base + rank)
             grains_out.force[place] = grains_out.force[place] + pull
             total += pull
@@ -261,8 +261,8 @@ def next_wall_entry(world_out: ti.template(), base, e, end):
             if clear:
                 entry = entries.stop[i]
             else:
-                locate_contacts(world_out, i)
-                transfer_history(world_out, i)
+                locate_wall_contacts(world_out, i)
+                transfer_wall_history(world_out, i)
         else:
             clear = False
     return entry
@@ -273,8 +273,8 @@ def add_wall_forces(world_out: ti.template(), r, p):
     """Add the forces of all walls on the grains of one partition."""
     grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
     base = side_block(grains, r, replicas.side[r])
-    first = partition_first(replicas, r, p)
-    last = partition_first(replicas, r, p + 1)
+    first = partition_first_rank(replicas, r, p)
+    last = partition_first_rank(replicas, r, p + 1)
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     if first < last:
@@ -288,8 +288,8 @@ def add_wall_forces(world_out: ti.template(), r, p):
                     filled += detect_wall(world_out, batch, filled, r, base, e)
                     e += 1
             for n in range(filled):
-                load_entry(world_out, world_out.wall_pairs, batch, n)
-                load_materials(world_out, batch, n, entries.label[batch.entry[n]] >> ROW_SHIFT)
+                load_entry_to_lane(world_out, world_out.wall_pairs, batch, n)
+                load_materials_row(world_out, batch, n, entries.label[batch.entry[n]] >> ROW_SHIFT)
             for n in range(filled):
                 evaluate_wall(world_out.laws, batch, n, dt)
             for n in range(filled):
@@ -304,7 +304,7 @@ ROUNDING = 1e-6  # of a length: what single precision may err by, with room [1]
 def wall_gap(world: ti.template(), r, i, w):
     """Gap between the grain at place i, where it was listed, and the range of primitive w [m]."""
     walls, grains = ti.static((world.walls, world.grains))
-    s = surface_of(walls, w)
+    s = primitive_surface(walls, w)
     near = grains.radius[i] + world.replicas.reach[r]
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
@@ -319,7 +319,7 @@ def wall_gap(world: ti.template(), r, i, w):
 def wall_skin(world: ti.template(), r, i, w):
     """Bound on how much nearer the grain at place i and primitive w may come before the next rebuild [m]."""
     allowed = ti.sqrt(world.grains.skin_squared[i])
-    if world.walls.moving[surface_of(world.walls, w)] == 1:
+    if world.walls.moving[primitive_surface(world.walls, w)] == 1:
         allowed += world.replicas.skin_most[r]
     return allowed
 
@@ -330,7 +330,7 @@ def write_wall_entry(world_out: ti.template(), r, e, rank, w):
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     before = world_out.cells.order[r * grains.capacity + rank]
     old = side_block(grains, r, world_out.replicas.side[r]) + before
-    row = pair_row(world_out.materials, r, grains.material[old], walls.material[surface_of(walls, w)])
+    row = pair_row(world_out.materials, r, grains.material[old], walls.material[primitive_surface(walls, w)])
     root, mass = ti.sqrt(grains.radius[old]), 1.0 / grains.mass_inverse[old]
     inertia = ROLLING_INERTIA * mass * grains.radius[old] * grains.radius[old]
     entries_out.root_radius[e] = root
@@ -352,12 +352,12 @@ def write_wall_entry(world_out: ti.template(), r, e, rank, w):
 def wall_clearance(world: ti.template(), e, gap):
     """Distance that the grain of entry e may move before it can touch that wall [m]; 0 for a moving wall."""
     walls, entries = ti.static((world.walls, world.wall_pairs))
-    still = walls.moving[surface_of(walls, entries.wall[e])] == 0 and entries.label[e] & HISTORY == 0
+    still = walls.moving[primitive_surface(walls, entries.wall[e])] == 0 and entries.label[e] & HISTORY == 0
     return ti.select(still, ti.max(ti.cast(gap, float), 0.0), 0.0)
 
 
 @ti.func
-def list_grain(world_out: ti.template(), r, rank, entry, limit):
+def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
     """List the walls near one grain from `entry` on; returns the number of entries needed."""
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
     i = side_block(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
@@ -377,17 +377,17 @@ def list_grain(world_out: ti.template(), r, rank, entry, limit):
 
 
 @ti.func
-def list_walls(world_out: ti.template(), r, p):
+def list_walls_of_partition(world_out: ti.template(), r, p):
     """Fill the wall lists of one partition; `Replicas.wall_short` counts the entries that did not fit."""
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_block(world_out.grains, r, side)
-    first = partition_first(replicas_out, r, p)
-    entry = entry_block(entries_out, r, side) + partition_entries(entries_out, replicas_out, r, p)
+    first = partition_first_rank(replicas_out, r, p)
+    entry = side_first_entry(entries_out, r, side) + partition_first_entry(entries_out, replicas_out, r, p)
     limit = entry + entries_out.capacity // replicas_out.partitions[r]
     short = 0
-    for rank in range(first, partition_first(replicas_out, r, p + 1)):
-        count = list_grain(world_out, r, rank, entry, limit)
+    for rank in range(first, partition_first_rank(replicas_out, r, p + 1)):
+        count = list_walls_of_grain(world_out, r, rank, entry, limit)
         listed = ti.min(count, limit - entry)
         short += count - listed
         entries_out.start[base + rank] = entry

@@ -17,7 +17,7 @@ from taichi_erosion.grains.state import arrays
 PLANE = int(PrimitiveKind.PLANE)
 REVOLVED = int(PrimitiveKind.REVOLVED)
 NO_SERVO, FORCE, TORQUE = range(3)  # of Walls.servo
-GAIN = 0.1  # of a servo, see `run_servo` [1]
+GAIN = 0.1  # of a servo, see `advance_servo` [1]
 RAMP = 3e-4  # of its largest speed that a servo without contact gains in a step [1]
 LENGTH_LEAST = 1e-30  # keeps directions finite for a centre on the wall itself [m]
 
@@ -195,7 +195,7 @@ def surface_velocity(walls: ti.template(), s, position):
 
 
 @ti.func
-def surface_of(walls: ti.template(), w):
+def primitive_surface(walls: ti.template(), w):
     """Surface of a primitive, both counted over all replicas."""
     return w // walls.primitives * walls.surfaces + walls.surface[w]
 
@@ -209,17 +209,17 @@ def move_walls(walls_out: ti.template(), replicas_out: ti.template(), r):
         s = r * walls_out.surfaces + k
         if walls_out.moving[s] == 1:
             if ti.static(walls_out.rows > 0):
-                follow_table(walls_out, s, (replicas_out.step[r] - walls_out.start_step[s] + 0.5) * dt)
+                follow_motion_table(walls_out, s, (replicas_out.step[r] - walls_out.start_step[s] + 0.5) * dt)
             if ti.static(walls_out.servos > 0):
-                sweep = ti.max(sweep, walls_out.sweep[s] + run_servo(walls_out, replicas_out, r, s, dt))
+                sweep = ti.max(sweep, walls_out.sweep[s] + advance_servo(walls_out, replicas_out, r, s, dt))
             walls_out.shift[s] = walls_out.shift[s] + walls_out.velocity[s] * dt
-            walls_out.turn[s] = rotation(walls_out.spin[s] * dt) @ walls_out.turn[s]
+            walls_out.turn[s] = rodrigues_matrix(walls_out.spin[s] * dt) @ walls_out.turn[s]
             sweep = ti.max(sweep, walls_out.sweep[s])
     replicas_out.wall_travel[r] = replicas_out.wall_travel[r] + ti.cast(sweep * dt, float)
 
 
 @ti.func
-def follow_table(walls_out: ti.template(), s, time):
+def follow_motion_table(walls_out: ti.template(), s, time):
     """Set velocity and spin of surface s as its table says, linear in time; after its end the last ones.
 
     What its servo adds to them stays.
@@ -242,7 +242,7 @@ def follow_table(walls_out: ti.template(), s, time):
 
 
 @ti.func
-def run_servo(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
+def advance_servo(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
     """Let the servo of surface s move on; returns the largest speed at which its shape then moves by it.
 
         v = GAIN (F_target - F) / (K dt),    |v| <= fastest
@@ -255,7 +255,7 @@ def run_servo(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
     if walls_out.servo[s] != NO_SERVO:
         push, stiffness = bound, bound
         for p in range(replicas.partitions[r]):
-            place = servo_place(walls_out, replicas, p, s)
+            place = servo_sum_place(walls_out, replicas, p, s)
             push += walls_out.push[place]
             stiffness += walls_out.stiffness[place]
             walls_out.push[place], walls_out.stiffness[place] = 0.0, 0.0
@@ -277,13 +277,13 @@ def run_servo(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
 
 
 @ti.func
-def servo_place(walls: ti.template(), replicas: ti.template(), p, s):
+def servo_sum_place(walls: ti.template(), replicas: ti.template(), p, s):
     """Place of partition p and surface s, counted over all replicas, in the sums of servos."""
     return p * replicas.count * walls.surfaces + s
 
 
 @ti.func
-def rotation(vector):
+def rodrigues_matrix(vector):
     """Rotation matrix of a rotation vector (Rodrigues)."""
     angle = vector.norm()
     axis = vector / ti.max(angle, LENGTH_LEAST)

@@ -27,7 +27,7 @@ from taichi_erosion.grains.frozen_drag import allocate_frozen_drag
 from taichi_erosion.grains.materials import allocate_materials
 from taichi_erosion.grains.neighbour_list import allocate_neighbour_list
 from taichi_erosion.grains.partition import CPU_CHUNK
-from taichi_erosion.grains.simd_batch import LANES, batch_type
+from taichi_erosion.grains.simd_batch import LANES, batch_struct_type
 from taichi_erosion.grains.sleep import allocate_sleep
 from taichi_erosion.grains.state import allocate_grains, allocate_replicas, allocate_source
 from taichi_erosion.grains.wall_contacts import allocate_wall_list
@@ -103,7 +103,7 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
         materials=allocate_materials(capacities.replicas, capacities.materials),
         laws=contact_laws,
         lanes=lanes,
-        batch_type=batch_type(lanes),
+        batch_type=batch_struct_type(lanes),
         has_clumps=setups[0].clumps is not None,
         clumps=allocate_clumps(capacities.replicas, capacities.bodies, capacities.grains),
         pair_effects=pair_effects,

@@ -9,21 +9,21 @@ import numpy as np
 from taichi_erosion.core.snapshot import ContactNetwork
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
-from taichi_erosion.grains.neighbour_list import ROW_SHIFT, entry_number
+from taichi_erosion.grains.neighbour_list import ROW_SHIFT, entry_count
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
-    effects_act,
+    do_pair_effects_act,
     evaluate_pair,
-    load_pair,
+    load_pair_to_lane,
     pair_effect_force,
 )
-from taichi_erosion.grains.simd_batch import lane, load_entry, load_materials
+from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import (
     detect_wall,
     evaluate_wall,
-    locate_contacts,
-    transfer_history,
+    locate_wall_contacts,
+    transfer_wall_history,
     wall_effect_force,
 )
 from taichi_erosion.simulation.assemble import Simulation
@@ -49,12 +49,12 @@ def force_of_pair_entry(world_out: ti.template(), batch_out: ti.template(), r, b
     rolling = pairs.rolling_displacement[e]
     force = ti.Vector.zero(float, 3)
     if detect_pair(world_out, batch_out, 0, r, e, base) == 1:
-        load_pair(world_out, batch_out, 0, base, -1)
+        load_pair_to_lane(world_out, batch_out, 0, base, -1)
         evaluate_pair(world_out.laws, batch_out, 0, world_out.replicas.time_step[r])
         if batch_out.acts[0] == 1:
             force = lane(batch_out.force, 0)
         if ti.static(world_out.pair_effects.any):
-            if effects_act(world_out.materials, pairs, e):
+            if do_pair_effects_act(world_out.materials, pairs, e):
                 force += pair_effect_force(world_out, batch_out, 0, r, base)
     restore_contact_history(pairs, e, label, tangential, rolling)
     return force
@@ -67,13 +67,13 @@ def force_of_wall_entry(world_out: ti.template(), batch_out: ti.template(), r, b
     label, tangential = entries.label[e], entries.tangential_displacement[e]
     rolling, force = entries.rolling_displacement[e], ti.Vector.zero(float, 3)
     if detect_wall(world_out, batch_out, 0, r, base, e) == 1:
-        load_entry(world_out, entries, batch_out, 0)
-        load_materials(world_out, batch_out, 0, label >> ROW_SHIFT)
+        load_entry_to_lane(world_out, entries, batch_out, 0)
+        load_materials_row(world_out, batch_out, 0, label >> ROW_SHIFT)
         evaluate_wall(world_out.laws, batch_out, 0, world_out.replicas.time_step[r])
         if batch_out.acts[0] == 1:
             force = lane(batch_out.force, 0)
         if ti.static(world_out.pair_effects.any):
-            if effects_act(world_out.materials, entries, e):
+            if do_pair_effects_act(world_out.materials, entries, e):
                 force += wall_effect_force(world_out, r, batch_out, 0, base + batch_out.owner[0])
     restore_contact_history(entries, e, label, tangential, rolling)
     return force
@@ -98,13 +98,13 @@ def list_grain_contacts(world_out: ti.template(), rows_out: ti.template(), r, ra
     pairs, walls = ti.static((world_out.pairs, world_out.wall_pairs))
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
     i, batch, n = base + rank, world_out.batch_type(), 0
-    for k in range(entry_number(pairs, i)):
+    for k in range(entry_count(pairs, i)):
         force = force_of_pair_entry(world_out, batch, r, base, pairs.start[i] + k * pairs.stride)
         distance = lane(batch.offset, 0).norm()
         normal = lane(batch.offset, 0) / distance
         n += write_contact_row(rows_out, first + n, batch.partner[0], normal, distance, force)
-    locate_contacts(world_out, i)
-    transfer_history(world_out, i)
+    locate_wall_contacts(world_out, i)
+    transfer_wall_history(world_out, i)
     for e in range(walls.start[i], walls.stop[i]):
         force = force_of_wall_entry(world_out, batch, r, base, e)
         distance = world_out.grains.radius[i] - batch.overlap[0]

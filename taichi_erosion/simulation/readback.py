@@ -6,8 +6,8 @@ from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import Snapshot, Totals, WallPose
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
-from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT, entry_number
+from taichi_erosion.grains.cells import wrapped_position
+from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT, entry_count
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
@@ -81,7 +81,7 @@ def add_energy_and_speed(world: ti.template(), sums_out: ti.template(), r, row, 
     inertia = SPHERE_INERTIA * mass * world.grains.radius[i] ** 2
     velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
     spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
-    position = position_of(world.grains, world.replicas, r, i)
+    position = wrapped_position(world.grains, world.replicas, r, i)
     add_number(sums_out, row, TRANSLATION, 0.5 * mass * velocity.norm_sqr())
     add_number(sums_out, row, ROTATION, 0.5 * inertia * spin.norm_sqr())
     add_number(sums_out, row, POTENTIAL, -mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64)))
@@ -107,7 +107,7 @@ def add_grain_to_sums(
     base = side_block(world.grains, r, world.replicas.side[r])
     i, touching = base + rank, 0
     add_energy_and_speed(world, sums_out, r, place, rank)
-    for k in range(entry_number(pairs, i)):
+    for k in range(entry_count(pairs, i)):
         e = pairs.start[i] + k * pairs.stride
         if pairs.label[e] & ENGAGED == ENGAGED:
             touching += 1

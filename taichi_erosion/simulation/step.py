@@ -5,15 +5,15 @@ import sys
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.exchange import exchange_momentum
-from taichi_erosion.grains.cells import GONE, fit_cells, position_of, sort_grains, wrap
-from taichi_erosion.grains.clumps import NOWHERE, advance_clumps, locate_spheres
-from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
+from taichi_erosion.grains.cells import GONE, fit_grid_to_grains, sort_grains_by_cell, wrap, wrapped_position
+from taichi_erosion.grains.clumps import NOWHERE, advance_clumps, record_sphere_places
+from taichi_erosion.grains.integrate import add_other_partitions, advance_grains, publish_need
 from taichi_erosion.grains.neighbour_list import count_wide_grains
-from taichi_erosion.grains.neighbour_search import list_partition, move_grains, release_grains
+from taichi_erosion.grains.neighbour_search import copy_grains_in_order, list_partition_pairs, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition, step_barrier
 from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_block
-from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls
+from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls_of_partition
 from taichi_erosion.grains.walls import move_walls
 
 LARGEST = sys.float_info.max
@@ -28,7 +28,7 @@ def position_fault(world: ti.template(), r, rank):
     """Whether the position of a grain is finite and inside the domain: 0, LOST or NOT_FINITE, and where."""
     grains, replicas = ti.static((world.grains, world.replicas))
     i = side_block(grains, r, replicas.side[r]) + rank
-    position = position_of(grains, replicas, r, i)
+    position = wrapped_position(grains, replicas, r, i)
     if ti.static(world.has_clumps):  # all spheres of a clump leave together
         sphere = r * grains.capacity + grains.ident[i]
         body = r * world.clumps.capacity + world.source.body[sphere]
@@ -94,8 +94,8 @@ def prepare_rebuild(world_out: ti.template(), r):
     if world_out.replicas.status[r] == 0:
         count_wide_grains(world_out, r)
         if ti.static(not world_out.has_external_forces):
-            fit_cells(world_out.cells, world_out.grains, world_out.replicas, r)
-        sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
+            fit_grid_to_grains(world_out.cells, world_out.grains, world_out.replicas, r)
+        sort_grains_by_cell(world_out.cells, world_out.grains, world_out.replicas, r)
         count_out(world_out.replicas, r, world_out.replicas.leaving[r])
         balance_partitions(world_out, r)
 
@@ -106,7 +106,7 @@ def finish_rebuild(world_out: ti.template(), r):
     swap_sides(world_out.replicas, r)
     if ti.static(world_out.has_clumps):
         if world_out.replicas.status[r] == 0:
-            locate_spheres(world_out, r, 0, world_out.replicas.released[r])
+            record_sphere_places(world_out, r, 0, world_out.replicas.released[r])
 
 
 @ti.func
@@ -128,8 +128,8 @@ def swap_sides(replicas_out: ti.template(), r):
 @ti.func
 def list_neighbours_of_partition(world_out: ti.template(), r, p):
     """Lists of one partition."""
-    list_partition(world_out, r, p)
-    list_walls(world_out, r, p)
+    list_partition_pairs(world_out, r, p)
+    list_walls_of_partition(world_out, r, p)
 
 
 @ti.func
@@ -156,7 +156,7 @@ def sort_and_rebuild_lists(world_out: ti.template(), r, member, size, phase):
         prepare_rebuild(world_out, r)
     phase = barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
-        apply_to_own_partitions(move_grains, world_out, r, member, size)
+        apply_to_own_partitions(copy_grains_in_order, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
         apply_to_own_partitions(list_neighbours_of_partition, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
@@ -191,9 +191,9 @@ def integrate_partitions(world_out: ti.template(), r, member, size, step, is_las
             if ti.static(world_out.has_clumps):
                 need = advance_clumps(world_out, r, p, step)
             else:
-                gather_forces(world_out, r, p)
+                add_other_partitions(world_out, r, p)
                 need = advance_grains(world_out, r, p, step, is_last)
-            finish_partition(world_out.replicas, r, p, need)
+            publish_need(world_out.replicas, r, p, need)
 
 
 @ti.func

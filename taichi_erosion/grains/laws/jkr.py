@@ -36,7 +36,7 @@ GUESS_BITS = 709958130.0  # two thirds of the bits of 1, less what keeps the wor
 
 
 @ti.func
-def root(reduced):
+def largest_quartic_root(reduced):
     """Largest s with s^4 - 2 s = reduced [1]; three Newton steps give single precision, four double."""
     inner = ti.max(reduced + START_SHIFT, 0.0)
     far = ti.sqrt(ti.sqrt(ti.max(reduced, 0.0) + 2.0 * ti.sqrt(ti.sqrt(inner))))
@@ -49,11 +49,11 @@ def root(reduced):
 
 
 @ti.func
-def adhesive_force(young, adhesion, reduced, root_radius):
+def jkr_force(young, adhesion, reduced, root_radius):
     """JKR force [N], contact radius [m] and repulsive part (4/3) E* a^3 / R* [N]."""
     radius = root_radius * root_radius
     length = cube_root(adhesion * radius * radius / young)
-    s = root(reduced)
+    s = largest_quartic_root(reduced)
     cubed = s * s * s
     scale = (4.0 / 3.0) * adhesion * radius * cubed
     return scale * (cubed - 3.0), length * s * s, scale * cubed
@@ -101,7 +101,7 @@ def compile_jkr(branch: str, cap: str) -> Any:
             else:
                 acts = ti.cast(overlap >= 0.0 or (engaged == 1 and reduced > -TEAR_GAP), ti.i32)
             if acts == 1 and reduced < HERTZ_LIMIT:
-                pull, neck, repulsion = adhesive_force(young, adhesion, reduced, root_radius)
+                pull, neck, repulsion = jkr_force(young, adhesion, reduced, root_radius)
                 force = pull
                 contact_radius = neck
                 if ti.static(cap_repulsive):

@@ -13,7 +13,7 @@ from taichi_erosion.coupling.deposit import deposit_part, part_count
 from taichi_erosion.coupling.exchange import advance_loaded_column, receive_in_cell
 from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
-from taichi_erosion.grains.sleep import count_rest, mark_unsettled, update_sleep_state
+from taichi_erosion.grains.sleep import count_rest_exchanges, mark_unsettled_pairs, update_sleep_state
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.simulation.grain_decomposition.buffers import Stage
 
@@ -86,7 +86,7 @@ def compile_sleep_task(change: Any) -> Any:
 
 
 GATHER, GATHER_ONLY = compile_air_force_task(True), compile_air_force_task(False)
-SLEEP = tuple(map(compile_sleep_task, (count_rest, mark_unsettled, update_sleep_state)))
+SLEEP = tuple(map(compile_sleep_task, (count_rest_exchanges, mark_unsettled_pairs, update_sleep_state)))
 
 
 def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:

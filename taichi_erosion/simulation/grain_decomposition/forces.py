@@ -1,22 +1,22 @@
 """Forces of the grain decomposition: pairs and walls are evaluated, a grain sums its forces and moves."""
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.grains.clumps import advance_clump, released_bodies
-from taichi_erosion.grains.integrate import advance_awake, kick_time
-from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block, entry_number
+from taichi_erosion.grains.clumps import advance_clump, released_body_count
+from taichi_erosion.grains.integrate import advance_if_awake, kick_duration
+from taichi_erosion.grains.neighbour_list import ROW_SHIFT, clear_history, entry_count, side_first_entry
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
-    effects_act,
+    do_pair_effects_act,
     evaluate_pair,
-    is_too_deep,
-    load_pair,
+    is_overlap_too_deep,
+    load_pair_to_lane,
+    overlap_scale,
     pair_effect_force,
-    pair_size,
     pair_torques,
 )
-from taichi_erosion.grains.simd_batch import lane, load_entry, load_materials, store_contact
-from taichi_erosion.grains.sleep import next_awake, note_wake
-from taichi_erosion.grains.state import force_block, side_block
+from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row, store_history
+from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
+from taichi_erosion.grains.state import first_force_place, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
 WALLS = 1  # buffer of the forces of walls; that of pairs is the first
@@ -28,7 +28,7 @@ def pair_at_place(world_out: ti.template(), coupling: ti.template(), buffers_out
     (pairs,) = ti.static((world_out.pairs,))
     if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:
         side = world_out.replicas.side[r]
-        e = entry_block(pairs, r, side) + k
+        e = side_first_entry(pairs, r, side) + k
         if e < pairs.stop[side_block(world_out.grains, r, side) + k % pairs.stride]:
             evaluate_pair_entry(world_out, buffers_out, r, k, e)
 
@@ -39,17 +39,17 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
     batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
     near, acts = 0, 0
-    if next_awake(world_out, base, e, e + 1) == e:
+    if next_awake_entry(world_out, base, e, e + 1) == e:
         near = detect_pair(world_out, batch, 0, r, e, base)
     if near == 1:
-        load_pair(world_out, batch, 0, base, -1)
+        load_pair_to_lane(world_out, batch, 0, base, -1)
         evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
         acts = store_pair(world_out, buffers_out, batch, r, base, place)
-        size, rank = pair_size(batch, 0), batch.owner[0]
-        if is_too_deep(world_out.replicas, r, batch.overlap[0], size):
+        size, rank = overlap_scale(batch, 0), batch.owner[0]
+        if is_overlap_too_deep(world_out.replicas, r, batch.overlap[0], size):
             note_overlap(world_out, buffers_out, r, rank, batch.partner[0], batch.overlap[0] / size, rank)
         if ti.static(world_out.sleeps):
-            note_wake(world_out.sleep, base + batch.owner[0], base + batch.partner[0])
+            record_sleep_change(world_out.sleep, base + batch.owner[0], base + batch.partner[0])
     if acts == 0 and buffers_out.acts[place] == 1:
         clear_pair_force(buffers_out, place)
 
@@ -61,13 +61,13 @@ def store_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.t
     force = 0.0 * lane(batch.force, 0)
     torque, back = force, force
     if batch.acts[0] == 1:
-        store_contact(world_out.pairs, batch, 0)
+        store_history(world_out.pairs, batch, 0)
         force = lane(batch.force, 0)
         torque, back = pair_torques(batch, 0)
     else:
-        end_contact(world_out.pairs, e)
+        clear_history(world_out.pairs, e)
     if ti.static(world_out.pair_effects.any):
-        if effects_act(world_out.materials, world_out.pairs, e):
+        if do_pair_effects_act(world_out.materials, world_out.pairs, e):
             force += pair_effect_force(world_out, batch, 0, r, base)
             acts = 1
     if acts == 1:
@@ -93,7 +93,7 @@ def sum_pair_forces(world_out: ti.template(), buffers: ti.template(), r, rank):
     i, row = side_block(grains_out, r, replicas.side[r]) + rank, r * grains_out.capacity + rank
     entries = r * pairs.capacity
     force, torque = ti.Vector.zero(float, 3), ti.Vector.zero(float, 3)
-    for k in range(entry_number(pairs, i)):
+    for k in range(entry_count(pairs, i)):
         place = entries + rank + k * pairs.stride
         force += buffers.force[place]
         torque += buffers.torque[place]
@@ -101,7 +101,7 @@ def sum_pair_forces(world_out: ti.template(), buffers: ti.template(), r, rank):
         place = entries + buffers.partner_entry[entries + rank + k * pairs.stride]
         force -= buffers.force[place]
         torque -= buffers.back[place]
-    buffer = force_block(grains_out, replicas, r, 0) + rank
+    buffer = first_force_place(grains_out, replicas, r, 0) + rank
     grains_out.force[buffer] = force
     grains_out.torque[buffer] = torque
 
@@ -127,19 +127,19 @@ def sum_wall_forces(world_out: ti.template(), buffers_out: ti.template(), r, ran
     """Forces of all walls on a grain, in a buffer of their own."""
     entries, replicas = ti.static((world_out.wall_pairs, world_out.replicas))
     base = side_block(world_out.grains, r, replicas.side[r])
-    buffer = force_block(world_out.grains, replicas, r, WALLS)
+    buffer = first_force_place(world_out.grains, replicas, r, WALLS)
     e, end = entries.start[base + rank], entries.stop[base + rank]
     while e < end:
         e = next_wall_entry(world_out, base, e, end)
         if e < end:
             batch = world_out.batch_type()
             if detect_wall(world_out, batch, 0, r, base, e) == 1:
-                load_entry(world_out, entries, batch, 0)
-                load_materials(world_out, batch, 0, entries.label[e] >> ROW_SHIFT)
+                load_entry_to_lane(world_out, entries, batch, 0)
+                load_materials_row(world_out, batch, 0, entries.label[e] >> ROW_SHIFT)
                 evaluate_wall(world_out.laws, batch, 0, replicas.time_step[r])
                 add_wall_force(world_out, batch, 0, r, base, buffer)
                 overlap, radius = batch.overlap[0], batch.radius_i[0]
-                if is_too_deep(replicas, r, overlap, radius):
+                if is_overlap_too_deep(replicas, r, overlap, radius):
                     order = world_out.grains.capacity + rank  # behind all pairs
                     note_overlap(world_out, buffers_out, r, rank, batch.partner[0], overlap / radius, order)
             e += 1
@@ -153,8 +153,8 @@ def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
         sum_pair_forces(world_out, buffers, r, rank)
         i = side_block(grains_out, r, replicas.side[r]) + rank
         if entries.start[i] < entries.stop[i]:
-            buffer = force_block(grains_out, replicas, r, 0) + rank
-            walls = force_block(grains_out, replicas, r, WALLS) + rank
+            buffer = first_force_place(grains_out, replicas, r, 0) + rank
+            walls = first_force_place(grains_out, replicas, r, WALLS) + rank
             for sum_out in ti.static((grains_out.force, grains_out.torque)):
                 sum_out[buffer] = sum_out[buffer] + sum_out[walls]
                 sum_out[walls] = 0.0 * sum_out[walls]
@@ -167,16 +167,16 @@ def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: t
     join_forces(world_out, coupling, buffers_out, r, rank)
     if rank < replicas.released[r]:
         i = side_block(grains_out, r, replicas.side[r]) + rank
-        buffer = force_block(grains_out, replicas, r, 0) + rank
-        kick = kick_time(replicas, r, buffers_out.step[r])
+        buffer = first_force_place(grains_out, replicas, r, 0) + rank
+        kick = kick_duration(replicas, r, buffers_out.step[r])
         place = ti.select(buffers_out.last[r] == 1, r * grains_out.capacity + rank, -1)
-        request_new_lists(world_out, buffers_out, r, advance_awake(world_out, r, i, buffer, kick, place))
+        request_new_lists(world_out, buffers_out, r, advance_if_awake(world_out, r, i, buffer, kick, place))
 
 
 @ti.func
 def move_body(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Motion of one clump: the forces on its spheres are summed in their order."""
-    if k < released_bodies(world_out, r):
+    if k < released_body_count(world_out, r):
         request_new_lists(world_out, buffers_out, r, advance_clump(world_out, r, k, buffers_out.step[r]))
 
 

@@ -11,25 +11,25 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import (
     GONE,
-    arrange_axes,
+    box_and_position_sums,
+    cell_of_grain,
     cell_start,
-    divide_box,
-    grain_cell,
-    most_of,
-    row_of_cells,
-    sums_of_positions,
+    divide_box_into_cells,
+    first_cell,
+    main_box,
+    order_axes_by_cells,
 )
-from taichi_erosion.grains.clumps import locate_spheres
-from taichi_erosion.grains.neighbour_list import entry_block, entry_number
+from taichi_erosion.grains.clumps import record_sphere_places
+from taichi_erosion.grains.neighbour_list import entry_count, side_first_entry
 from taichi_erosion.grains.neighbour_search import (
+    copy_grain_to_rank,
     is_release_due,
-    move_grain,
+    list_partners,
     release_grain,
-    search_grain,
-    write_entry,
+    write_pair_entry,
 )
 from taichi_erosion.grains.state import side_block
-from taichi_erosion.grains.wall_contacts import list_grain
+from taichi_erosion.grains.wall_contacts import list_walls_of_grain
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, insertion_sort
 from taichi_erosion.simulation.grain_decomposition.forces import clear_pair_force
 from taichi_erosion.simulation.step import count_out, mark_removal, position_fault, stop_at, swap_sides
@@ -65,7 +65,7 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
     if end > begin:
         ti.atomic_max(replicas_out.bounds[r, 1], end)
     place = r * buffers_out.grain_chunks + k
-    low, high, total, squares = sums_of_positions(grains, replicas_out, r, begin, end)
+    low, high, total, squares = box_and_position_sums(grains, replicas_out, r, begin, end)
     buffers_out.low[place], buffers_out.high[place] = low, high
     buffers_out.total[place], buffers_out.squares[place] = total, squares
 
@@ -73,7 +73,7 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
 @ti.func
 def clear_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, c):
     """Empty a cell, or one of the two places behind all cells."""
-    world_out.cells.first[row_of_cells(world_out.cells, r) + c] = 0
+    world_out.cells.first[first_cell(world_out.cells, r) + c] = 0
 
 
 @ti.func
@@ -87,8 +87,8 @@ def fit_cell_grid(world_out: ti.template(), buffers: ti.template(), r):
         low, high = ti.min(low, buffers.low[place]), ti.max(high, buffers.high[place])
         total += buffers.total[place]
         squares += buffers.squares[place]
-    low, high = most_of(replicas, r, low, high, total, squares)
-    divide_box(world_out.cells, replicas, r, low, high)
+    low, high = main_box(replicas, r, low, high, total, squares)
+    divide_box_into_cells(world_out.cells, replicas, r, low, high)
 
 
 @ti.func
@@ -105,7 +105,7 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
     else:
         if ti.static(not world_out.has_external_forces):
             fit_cell_grid(world_out, buffers_out, r)
-        arrange_axes(cells_out, r)
+        order_axes_by_cells(cells_out, r)
         number, chunk = cells_out.number[r], 1
         cells = number[0] * number[1] * number[2]
         while chunk * chunk < cells:
@@ -119,9 +119,9 @@ def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
     cells_out, grains = ti.static((world_out.cells, world_out.grains))
     if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
         i = side_block(grains, r, world_out.replicas.side[r]) + rank
-        c = grain_cell(cells_out, grains, world_out.replicas, r, i)
+        c = cell_of_grain(cells_out, grains, world_out.replicas, r, i)
         cells_out.cell[r * grains.capacity + rank] = c
-        ti.atomic_add(cells_out.first[row_of_cells(cells_out, r) + c + 2], 1)
+        ti.atomic_add(cells_out.first[first_cell(cells_out, r) + c + 2], 1)
 
 
 @ti.func
@@ -141,7 +141,7 @@ def drop_removed(world_out: ti.template(), coupling: ti.template(), buffers: ti.
 def sum_cells(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Grains in the cells of one chunk."""
     size, total = buffers_out.cell_chunk[r], 0
-    first = row_of_cells(world.cells, r) + 2
+    first = first_cell(world.cells, r) + 2
     for c in range(k * size, ti.min((k + 1) * size, buffers_out.cells[r])):
         total += world.cells.first[first + c]
     buffers_out.cell_sums[r * buffers_out.cell_chunks + k] = total
@@ -151,7 +151,7 @@ def sum_cells(world: ti.template(), coupling: ti.template(), buffers_out: ti.tem
 def bound_cells(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
     """Rank of the first grain of every cell of one chunk."""
     (numbers_out,) = ti.static((world_out.cells.first,))
-    first, size = row_of_cells(world_out.cells, r) + 2, buffers.cell_chunk[r]
+    first, size = first_cell(world_out.cells, r) + 2, buffers.cell_chunk[r]
     if k * size < buffers.cells[r]:
         rank, place = 0, r * buffers.cell_chunks
         for chunk in range(place, place + k):
@@ -169,7 +169,7 @@ def put_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
     if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
         row = r * world_out.grains.capacity
         c = cells_out.cell[row + rank]
-        place = ti.atomic_add(cells_out.first[row_of_cells(cells_out, r) + c + 2], 1)
+        place = ti.atomic_add(cells_out.first[first_cell(cells_out, r) + c + 2], 1)
         cells_out.order[row + place] = rank
 
 
@@ -186,7 +186,7 @@ def sort_one_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
 def move_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Copy a grain to the other side."""
     if is_rebuilding_grain(world_out, r, rank):
-        move_grain(world_out, r, rank)
+        copy_grain_to_rank(world_out, r, rank)
 
 
 @ti.func
@@ -201,16 +201,16 @@ def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
-        block, stride = entry_block(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
+        block, stride = side_first_entry(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
         first, room = block + rank, pairs_out.capacity // stride
-        partners = search_grain(world_out, r, rank, first, first + room * stride)
+        partners = list_partners(world_out, r, rank, first, first + room * stride)
         pairs_out.start[i] = first
         pairs_out.stop[i] = first + ti.min(partners, room) * stride
         ti.atomic_max(buffers_out.listed[r], ti.min(partners, room) * stride)
         ti.atomic_max(replicas_out.short[r, 0], partners - room)
-        for k in range(entry_number(pairs_out, i)):
+        for k in range(entry_count(pairs_out, i)):
             e = first + k * stride
-            write_entry(world_out, r, e, rank, pairs_out.neighbour[e])
+            write_pair_entry(world_out, r, e, rank, pairs_out.neighbour[e])
             add_to_reverse_list(world_out, buffers_out, r, e - block, pairs_out.neighbour[e])
             clear_pair_force(buffers_out, r * pairs_out.capacity + e - block)
 
@@ -244,14 +244,14 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
-        entry = entry_block(entries_out, r, 1 - replicas_out.side[r])
-        count = list_grain(world_out, r, rank, 0, 0)
+        entry = side_first_entry(entries_out, r, 1 - replicas_out.side[r])
+        count = list_walls_of_grain(world_out, r, rank, 0, 0)
         limit = entry + entries_out.capacity
         if count > 0:
             entry += ti.atomic_add(buffers_out.listed_walls[r], count)
             if entry + count > limit:
                 ti.atomic_max(replicas_out.wall_short[r, 0], entry + count - limit)
-            list_grain(world_out, r, rank, entry, limit)
+            list_walls_of_grain(world_out, r, rank, entry, limit)
             place = ti.atomic_add(buffers_out.walled[r], 1)
             buffers_out.walled_rank[r * world_out.grains.capacity + place] = rank
         entries_out.start[i] = entry
@@ -279,7 +279,7 @@ def end_rebuild(world_out: ti.template(), coupling: ti.template(), buffers_out: 
 def locate_sphere(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Record where the sort has put a sphere of a clump."""
     if is_rebuilding_grain(world_out, r, rank):
-        locate_spheres(world_out, r, rank, rank + 1)
+        record_sphere_places(world_out, r, rank, rank + 1)
 
 
 @ti.kernel
