@@ -26,13 +26,13 @@ def side_velocity_at(air: ti.template(), side: ti.template(), axis: ti.template(
 
 
 @ti.func
-def mirror_value(kind: ti.template(), inside, wall):
+def value_beyond_side(kind: ti.template(), inside, wall):
     """Value beyond a side along x or y."""
     return 2.0 * wall - inside if ti.static(kind in IMPOSED) else inside
 
 
 @ti.func
-def side_value(kind: ti.template(), inside, wall):
+def value_on_side(kind: ti.template(), inside, wall):
     """Value on a side along z."""
     return wall if ti.static(kind in IMPOSED) else inside
 
@@ -75,9 +75,9 @@ def fill_velocity_ghosts_across(air_out: ti.template(), across: ti.template(), r
                 values_out[r, after] = 0.0
         else:
             side = side_velocity_at(air_out, low, axis, r, other, k)
-            values_out[r, before] = mirror_value(low_kind, start, side)
+            values_out[r, before] = value_beyond_side(low_kind, start, side)
             side = side_velocity_at(air_out, high, axis, r, other, k)
-            values_out[r, after] = mirror_value(high_kind, end, side)
+            values_out[r, after] = value_beyond_side(high_kind, end, side)
 
 
 @ti.func
@@ -88,8 +88,8 @@ def fill_velocity_ghosts_z(air_out: ti.template(), r, i, j):
     for axis in ti.static(range(2)):
         values_out = ti.static(air_out.velocities[axis])
         first, last = values_out[r, i, j, 0], values_out[r, i, j, n - 1]
-        values_out[r, i, j, -1] = side_value(low, first, side_velocity_at(air_out, 4, axis, r, j, 0))
-        values_out[r, i, j, n] = side_value(high, last, side_velocity_at(air_out, 5, axis, r, j, 0))
+        values_out[r, i, j, -1] = value_on_side(low, first, side_velocity_at(air_out, 4, axis, r, j, 0))
+        values_out[r, i, j, n] = value_on_side(high, last, side_velocity_at(air_out, 5, axis, r, j, 0))
     air_out.velocity_z[r, i, j, 0] = normal_velocity(air_out, 4, r, j, 0)
     air_out.velocity_z[r, i, j, -1] = air_out.velocity_z[r, i, j, 0]
     if ti.static(high != "outlet"):

@@ -200,13 +200,13 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         **{name: ghost_field(cells, count, vector=True) for name in CELL_VECTORS},
         **{name: ghost_field(layers, count) for name in ("face", "centre", "height", "inlet_shape")},
     )
-    write_numbers(air, setups)
-    write_layers(air, setups)
-    write_initial_state(air, setups)
+    upload_constants(air, setups)
+    upload_layers(air, setups)
+    upload_initial_state(air, setups)
     return air
 
 
-def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
+def upload_constants(air: Air, setups: Sequence[AirSetup]) -> None:
     """Upload clock, box, fluid and closure constants."""
     numbers = air.numbers
     pairs = [(getattr(numbers, name), [getattr(s, name) for s in setups]) for name in FROM_SETUP]
@@ -222,7 +222,7 @@ def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
     write_field(numbers.side_roughness, np.array(roughness, np.float64))
 
 
-def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
+def upload_layers(air: Air, setups: Sequence[AirSetup]) -> None:
     """Upload heights of faces, centres and cells, and the shape of the inlet, ghosts included."""
     faces = np.stack([np.asarray(s.faces_z, np.float64) for s in setups])
     height = np.diff(faces, axis=1)
@@ -236,7 +236,7 @@ def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
     write_field(air.inlet_shape, np.pad(np.stack(shapes), ((0, 0), (1, 1)), mode="edge"))
 
 
-def write_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
+def upload_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
     """Upload the initial velocities; all cells are air."""
     starts = np.zeros((len(setups), 3, *air.cells))
     for whole, setup in zip(starts, setups, strict=True):
@@ -287,7 +287,7 @@ def store_void_fraction(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def each_column(task: ti.template(), air_out: ti.template(), first, last):
+def apply_to_columns(task: ti.template(), air_out: ti.template(), first, last):
     """One device function applied to every column of cells of the replicas from first to last.
 
     As the outermost loop of a kernel it runs in parallel; inside the loop of a thread it visits column after
@@ -299,7 +299,7 @@ def each_column(task: ti.template(), air_out: ti.template(), first, last):
 
 
 @ti.func
-def each_stage_column(task: ti.template(), air_out: ti.template(), first, last, share):
+def apply_stage_to_columns(task: ti.template(), air_out: ti.template(), first, last, share):
     """Likewise for a stage that takes so large a share of the step."""
     ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange((first, last), air_out.cells[0], air_out.cells[1]):
@@ -307,18 +307,18 @@ def each_stage_column(task: ti.template(), air_out: ti.template(), first, last, 
 
 
 @ti.kernel
-def parallel_columns(task: ti.template(), air_out: ti.template()):
+def apply_to_all_columns(task: ti.template(), air_out: ti.template()):
     """One device function applied to every column of cells of all replicas, in parallel.
 
     Writes `air_out`: what `task` writes.
     """
-    each_column(task, air_out, 0, air_out.count)
+    apply_to_columns(task, air_out, 0, air_out.count)
 
 
 @ti.kernel
-def parallel_stage_columns(task: ti.template(), share: ti.f64, air_out: ti.template()):
+def apply_stage_to_all_columns(task: ti.template(), share: ti.f64, air_out: ti.template()):
     """Likewise for a stage that takes so large a share of the step.
 
     Writes `air_out`: what `task` writes.
     """
-    each_stage_column(task, air_out, 0, air_out.count, share)
+    apply_stage_to_columns(task, air_out, 0, air_out.count, share)

@@ -15,7 +15,7 @@ from taichi_erosion.air.momentum import (
     control_height,
     drag_rate,
     face_void,
-    is_solved,
+    is_unknown,
 )
 from taichi_erosion.core.ti import ti
 
@@ -23,13 +23,13 @@ real = ti.f64
 
 
 @ti.func
-def explicit_part(theta, inertia, below, above, here, jump_below, jump):
+def right_side_of_row(theta, inertia, below, above, here, jump_below, jump):
     """Right-hand side of a row by inertia and the explicit share of diffusion; `jump`: to the next above."""
     return inertia * here + (1.0 - theta) * (above * jump - below * jump_below)
 
 
 @ti.func
-def eliminate(theta, inertia, drag, below, above, right, reduced, factor):
+def eliminate_row(theta, inertia, drag, below, above, right, reduced, factor):
     """One row of the elimination: reduced right-hand side and upper factor, from those of the row below.
 
     `below` and `above` are conductances, `inertia` and `drag` likewise stand for height over time [m s-1].
@@ -54,11 +54,11 @@ def solve_column(air_out: ti.template(), r, i, j, axis: ti.template(), time, now
         jump = next_above - here
         height = control_height(air_out, r, k, axis)
         inertia = height * face_void(air_out, r, i, j, k, axis) / time
-        right = explicit_part(theta, inertia, below, above, here, jump_below, jump)
+        right = right_side_of_row(theta, inertia, below, above, here, jump_below, jump)
         force = body_force(air_out, r, i, j, k, axis)
         right += height * (now * rate[r, i, j, k] + before * previous[r, i, j, k] + force)
         drag = height * drag_rate(air_out, r, i, j, k, axis)
-        reduced, factor = eliminate(theta, inertia, drag, below, above, right, reduced, factor)
+        reduced, factor = eliminate_row(theta, inertia, drag, below, above, right, reduced, factor)
         values_out[r, i, j, k] = reduced
         air_out.elimination[r, i, j, k] = factor
         below, jump_below, here = above, jump, next_above
@@ -75,7 +75,7 @@ def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), share, 
     The weights `now` and `before` of the explicit rates are over the whole step, `share` of which the stage
     takes.
     """
-    if is_solved(air_out, i, j, axis):
+    if is_unknown(air_out, i, j, axis):
         time = share * air_out.numbers.time_step[r]
         solve_column(air_out, r, i, j, axis, time, now / share, before / share)
 

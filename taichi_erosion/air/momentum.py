@@ -222,7 +222,7 @@ def explicit_rate(air: ti.template(), r, at, axis: ti.template()):
 
 
 @ti.func
-def grain_share(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
+def volume_exchange(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
     """Exchange with grains in the control volume of a velocity: mean of its two cells by their volumes.
 
     The sum over all velocities then is the sum over all cells, whatever their heights.
@@ -239,14 +239,14 @@ def drag_rate(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Implicit drag beta / rho on a face [s-1]."""
     value = real(0.0)
     if ti.static(air.model.exchange):
-        value = grain_share(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
+        value = volume_exchange(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
     return value
 
 
 @ti.func
 def grain_force(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Explicit force f of the grains along an axis, per volume [N m-3]."""
-    return grain_share(air, air.exchange_force, r, i, j, k, axis)[axis]
+    return volume_exchange(air, air.exchange_force, r, i, j, k, axis)[axis]
 
 
 @ti.func
@@ -339,7 +339,7 @@ def first_solved_face(air: ti.template(), axis: ti.template()):
 
 
 @ti.func
-def is_solved(air: ti.template(), i, j, axis: ti.template()):
+def is_unknown(air: ti.template(), i, j, axis: ti.template()):
     """Whether the velocities along an axis in a column of cells are unknowns, not given by a side."""
     by_side = False
     if ti.static(axis == 0):
@@ -354,7 +354,7 @@ def set_explicit_rates(air_out: ti.template(), r, i, j):
     """Explicit rates of the velocities of one column of cells [m s-2]; those of the stage before are kept."""
     for axis in ti.static(range(3)):
         rate_out, previous_out = ti.static(air_out.rates[axis], air_out.previous_rates[axis])
-        if is_solved(air_out, i, j, axis):
+        if is_unknown(air_out, i, j, axis):
             for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
                 previous_out[r, i, j, k] = rate_out[r, i, j, k]
                 rate_out[r, i, j, k] = explicit_rate(air_out, r, ti.Vector([i, j, k]), axis)

@@ -16,16 +16,16 @@ Reference: Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306, section I
 """
 
 from taichi_erosion.air.boundary import fill_velocity_ghosts_z
-from taichi_erosion.air.implicit_z import eliminate, explicit_part
+from taichi_erosion.air.implicit_z import eliminate_row, right_side_of_row
 from taichi_erosion.air.momentum import body_force, conductance_below, drag_rate
-from taichi_erosion.air.wall_law import floor_length
+from taichi_erosion.air.wall_law import floor_mixing_length
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
 
 @ti.func
-def velocity_in(air: ti.template(), r, k):
+def column_velocity(air: ti.template(), r, k):
     """Horizontal velocity in cell k [m s-1], in ghosts that of floor and lid."""
     return ti.Vector([air.velocity_x[r, 0, 0, k], air.velocity_y[r, 0, 0, k]])
 
@@ -35,11 +35,11 @@ def set_column_viscosity(air_out: ti.template(), r):
     """Mixing length and eddy viscosity on the inner faces, from the floor upwards."""
     root = real(0.0)
     for k in range(1, air_out.cells[2]):
-        below = velocity_in(air_out, r, k - 1)
+        below = column_velocity(air_out, r, k - 1)
         speed = ti.sqrt(below[0] * below[0] + below[1] * below[1])
-        length, root_here = floor_length(air_out, r, k, root, speed)
+        length, root_here = floor_mixing_length(air_out, r, k, root, speed)
         length, root = ti.min(length, air_out.numbers.length_most[r]), root_here
-        jump = velocity_in(air_out, r, k) - below
+        jump = column_velocity(air_out, r, k) - below
         gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
         air_out.length[r, 0, 0, k] = length
         rise = ti.sqrt(jump[0] * jump[0] + jump[1] * jump[1])
@@ -51,26 +51,26 @@ def solve_column(air_out: ti.template(), r, dt):
     """Both velocities after dt [s]: elimination upwards, substitution downwards."""
     n, theta = ti.static(air_out.cells[2]), air_out.numbers.implicitness[r]
     below, factor = conductance_below(air_out, r, 0, 0, 0, 0), real(0.0)
-    here, reduced = velocity_in(air_out, r, 0), velocity_in(air_out, r, -1)
+    here, reduced = column_velocity(air_out, r, 0), column_velocity(air_out, r, -1)
     jump_below = here - reduced
     for k in range(n):
-        next_above, above = velocity_in(air_out, r, k + 1), conductance_below(air_out, r, 0, 0, k + 1, 0)
+        next_above, above = column_velocity(air_out, r, k + 1), conductance_below(air_out, r, 0, 0, k + 1, 0)
         jump = next_above - here
         inertia = air_out.height[r, k] / dt
         if ti.static(air_out.model.exchange):
             inertia *= air_out.void_fraction[r, 0, 0, k]
         force = ti.Vector([body_force(air_out, r, 0, 0, k, 0), body_force(air_out, r, 0, 0, k, 1)])
-        right = explicit_part(theta, inertia, below, above, here, jump_below, jump)
+        right = right_side_of_row(theta, inertia, below, above, here, jump_below, jump)
         right += air_out.height[r, k] * force
         drag = air_out.height[r, k] * drag_rate(air_out, r, 0, 0, k, 0)
-        reduced, factor = eliminate(theta, inertia, drag, below, above, right, reduced, factor)
+        reduced, factor = eliminate_row(theta, inertia, drag, below, above, right, reduced, factor)
         air_out.velocity_x[r, 0, 0, k], air_out.velocity_y[r, 0, 0, k] = reduced[0], reduced[1]
         air_out.elimination[r, 0, 0, k] = factor
         below, jump_below, here = above, jump, next_above
-    over = velocity_in(air_out, r, n)
+    over = column_velocity(air_out, r, n)
     for down in range(n):
         k = n - 1 - down
-        over = velocity_in(air_out, r, k) + air_out.elimination[r, 0, 0, k] * over
+        over = column_velocity(air_out, r, k) + air_out.elimination[r, 0, 0, k] * over
         air_out.velocity_x[r, 0, 0, k], air_out.velocity_y[r, 0, 0, k] = over[0], over[1]
 
 

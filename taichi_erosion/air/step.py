@@ -24,11 +24,11 @@ from taichi_erosion.air.boundary import (
 )
 from taichi_erosion.air.grid import (
     Air,
+    apply_stage_to_all_columns,
+    apply_stage_to_columns,
+    apply_to_all_columns,
+    apply_to_columns,
     cell_velocity,
-    each_column,
-    each_stage_column,
-    parallel_columns,
-    parallel_stage_columns,
     store_void_fraction,
 )
 from taichi_erosion.air.implicit_z import predict, predict_column
@@ -36,8 +36,8 @@ from taichi_erosion.air.inlet_turbulence import update_inlet_fluctuation
 from taichi_erosion.air.momentum import set_explicit_rates
 from taichi_erosion.air.pressure.conjugate_gradient import (
     TOLERANCE,
+    apply_to_all_replicas,
     max_or_nan,
-    parallel_replicas,
     solve,
     solve_replica,
 )
@@ -99,22 +99,22 @@ def extrapolate_outlets(air_out: ti.template()):
 def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
     """One stage of all replicas in parallel; returns the iterations of its pressure solve."""
     if air.model.closure != "none":
-        parallel_columns(set_eddy_viscosity, air)
+        apply_to_all_columns(set_eddy_viscosity, air)
         fill_cell_ghosts(1, air, air.eddy_cell)
         fill_cell_ghosts(1, air, air.eddy_face)
         fill_wall_viscosity(air)
-    parallel_columns(set_explicit_rates, air)
+    apply_to_all_columns(set_explicit_rates, air)
     for axis in range(3):
         predict(axis, stage.share, stage.now, stage.before, air)
     extrapolate_outlets(air)
     fill_velocity_ghosts(air)
     if air.model.exchange:
         set_conductances(air, stage.share)
-    parallel_columns(set_right_side, air)
+    apply_to_all_columns(set_right_side, air)
     if air.model.exchange and "outlet" not in air.kinds.values():
-        parallel_replicas(subtract_mean_divergence, air)
+        apply_to_all_replicas(subtract_mean_divergence, air)
     iterations = solve(air, tolerance)
-    parallel_stage_columns(correct_column, stage.share, air)
+    apply_stage_to_all_columns(correct_column, stage.share, air)
     fill_velocity_ghosts(air)
     fill_cell_ghosts(-1, air, air.pressure)
     return iterations
@@ -139,8 +139,8 @@ def advance_air(air: Air, steps: int = 1, tolerance: float = TOLERANCE) -> int:
         for stage in STAGES[air.model.scheme]:
             iterations += advance_stage(air, stage, tolerance)
         if air.model.exchange:
-            parallel_columns(store_void_fraction, air)
-        parallel_replicas(advance_clock, air)
+            apply_to_all_columns(store_void_fraction, air)
+        apply_to_all_replicas(advance_clock, air)
     return iterations
 
 
@@ -197,14 +197,14 @@ def reset_exchange(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def open_step(air_out: ti.template(), r):
+def begin_step(air_out: ti.template(), r):
     """Ghosts from the state of the grid, and a zero exchange budget."""
     void, coefficient, force = ti.static(
         air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force
     )
     cell_ghosts(1, air_out, ti.static((void, coefficient, force, air_out.pressure)), r, r + 1)
     velocity_ghosts(air_out, r, r + 1)
-    each_column(reset_exchange, air_out, r, r + 1)
+    apply_to_columns(reset_exchange, air_out, r, r + 1)
     air_out.mass_residual[r] = 0.0
 
 
@@ -212,11 +212,11 @@ def open_step(air_out: ti.template(), r):
 def predict_stage(air_out: ti.template(), r, stage):
     """Velocities at the end of a stage, before the pressure has corrected them; the first opens the step."""
     if stage == 0:
-        open_step(air_out, r)
+        begin_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
-        each_column(set_eddy_viscosity, air_out, r, r + 1)
+        apply_to_columns(set_eddy_viscosity, air_out, r, r + 1)
         cell_ghosts(1, air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r, r + 1)
-    each_column(set_explicit_rates, air_out, r, r + 1)
+    apply_to_columns(set_explicit_rates, air_out, r, r + 1)
     share, now, before = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
         for i in range(air_out.cells[0]):
@@ -230,7 +230,7 @@ def solve_stage(air_out: ti.template(), r, stage):
     """Change of pressure that makes the predicted velocities conserve air, and the worst divergence left."""
     share, _, _ = stage_weights(air_out, stage)
     set_replica_conductances(air_out, r, share)
-    each_column(set_right_side, air_out, r, r + 1)
+    apply_to_columns(set_right_side, air_out, r, r + 1)
     subtract_mean_divergence(air_out, r)
     worst = solve_replica(air_out, r)
     air_out.mass_residual[r] = max_or_nan(air_out.mass_residual[r], worst)
@@ -240,17 +240,17 @@ def solve_stage(air_out: ti.template(), r, stage):
 def correct_stage(air_out: ti.template(), r, stage):
     """Velocities corrected by the pressure, and the exchange budget; the last closes the step."""
     share, _, _ = stage_weights(air_out, stage)
-    each_stage_column(correct_column, air_out, r, r + 1, share)
+    apply_stage_to_columns(correct_column, air_out, r, r + 1, share)
     velocity_ghosts(air_out, r, r + 1)
     cell_ghosts(1, air_out, ti.static((air_out.pressure,)), r, r + 1)
-    each_stage_column(add_stage_exchange, air_out, r, r + 1, share)
+    apply_stage_to_columns(add_stage_exchange, air_out, r, r + 1, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
-        each_column(store_void_fraction, air_out, r, r + 1)
+        apply_to_columns(store_void_fraction, air_out, r, r + 1)
         advance_clock(air_out, r)
 
 
 @ti.kernel
-def parallel_active(task: ti.template(), count: ti.i32, chunk: ti.i32, stage: ti.i32, air_out: ti.template()):
+def apply_to_active(task: ti.template(), count: ti.i32, chunk: ti.i32, stage: ti.i32, air_out: ti.template()):
     """One task of a stage applied to every active replica, each on one thread.
 
     Writes `air_out`: what `task` writes.
@@ -268,4 +268,4 @@ def advance_active(air: Air, count: int, chunk: int) -> None:
     """
     for stage in range(len(STAGES[air.model.scheme])):
         for task in (predict_stage, solve_stage, correct_stage):
-            parallel_active(task, count, chunk, stage, air)
+            apply_to_active(task, count, chunk, stage, air)

@@ -12,7 +12,7 @@ Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
 """
 
-from taichi_erosion.air.wall_law import SMALLEST, floor_length, rough_side_friction
+from taichi_erosion.air.wall_law import SMALLEST, floor_mixing_length, rough_side_friction
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -98,7 +98,7 @@ def set_mixing_length_viscosity(air_out: ti.template(), r, i, j):
     below = strain_in_cell(air_out, r, i, j, 0)
     for k in range(1, air_out.cells[2]):
         speed = horizontal_velocity(air_out, r, i, j, k - 1).norm()
-        length, root_here = floor_length(air_out, r, k, root, speed)
+        length, root_here = floor_mixing_length(air_out, r, k, root, speed)
         length, root = ti.min(ti.min(length, most), wall_length_limit(air_out, r, j, k)), root_here
         here = strain_in_cell(air_out, r, i, j, k)
         strain = strain_on_face(air_out, r, i, j, k) + 0.5 * (below + here)

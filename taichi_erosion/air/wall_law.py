@@ -65,7 +65,7 @@ def rough_length(below, above, roughness, karman):
 
 
 @ti.func
-def root_slope(root, rate, karman):
+def root_length_slope(root, rate, karman):
     """Slope of sqrt(l) along z [m-1/2]; the root is taken because l = 0 would stay zero for ever.
 
     dl/dz = kappa (1 - exp(-sqrt(u l / (R_c nu))))   ->   ds/dz = (kappa / 2) (1 - exp(-a s)) / s
@@ -82,15 +82,15 @@ def root_slope(root, rate, karman):
 
 
 @ti.func
-def integrate_root(root, speed, rise, viscosity, sublayer, karman):
+def integrate_root_length(root, speed, rise, viscosity, sublayer, karman):
     """sqrt(l) [m1/2] after a rise [m] through air of a speed [m s-1]; midpoint rule."""
     rate = ti.sqrt(speed / (sublayer * viscosity))
-    middle = root + 0.5 * rise * root_slope(root, rate, karman)
-    return root + rise * root_slope(middle, rate, karman)
+    middle = root + 0.5 * rise * root_length_slope(root, rate, karman)
+    return root + rise * root_length_slope(middle, rate, karman)
 
 
 @ti.func
-def floor_length(air: ti.template(), r, k, root_below, speed):
+def floor_mixing_length(air: ti.template(), r, k, root_below, speed):
     """Mixing length [m] on the lower face of layer k over the floor, and its root [m1/2].
 
     Over a rough floor that of `rough_length`; else grown from `root_below` on the face below through layer k
@@ -103,6 +103,6 @@ def floor_length(air: ti.template(), r, k, root_below, speed):
         length = rough_length(below, above, numbers.side_roughness[r, FLOOR], numbers.karman[r])
     else:
         rise, nu = air.height[r, k - 1], numbers.viscosity[r]
-        root = integrate_root(root_below, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])
+        root = integrate_root_length(root_below, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])
         length = root * root
     return length, root

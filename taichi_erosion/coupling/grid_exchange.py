@@ -9,7 +9,7 @@ Each replica exchanges at its own times: those that are selected take part. An e
 of grains are rebuilt, and `last_exchange` is its step, so that none is done twice.
 """
 
-from taichi_erosion.air.grid import each_column, store_void_fraction
+from taichi_erosion.air.grid import apply_to_columns, store_void_fraction
 from taichi_erosion.air.pressure.conjugate_gradient import REPLICA_TOLERANCE
 from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.snapshot import Status
@@ -43,7 +43,7 @@ def gather_all(world_out: ti.template(), coupling: ti.template(), r, updates_sta
 def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
     """Void fraction, drag terms and frozen drag of replica r from its present state; nothing advances."""
     deposit_all(world_out, coupling_out, r)
-    each_column(store_void_fraction, coupling_out.air, r, r + 1)
+    apply_to_columns(store_void_fraction, coupling_out.air, r, r + 1)
     gather_all(world_out, coupling_out, r, False)
 
 

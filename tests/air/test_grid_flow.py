@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
+from taichi_erosion.air.grid import allocate_air, apply_to_all_columns, store_void_fraction
 from taichi_erosion.air.inlet_turbulence import draw_waves
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air
@@ -41,7 +41,7 @@ def test_air_rises_faster_between_grains_and_pays_for_their_drag_with_pressure(s
     void[:, :, :, 5:10], drag[:, :, :, 5:10] = VOID, COEFFICIENT  # layers 4 to 8
     air.void_fraction.from_numpy(void)
     air.exchange_coefficient.from_numpy(drag)
-    parallel_columns(store_void_fraction, air)
+    apply_to_all_columns(store_void_fraction, air)
     advance_air(air, 60)
     rise = face_velocities(air, 0)[2][1, 1]
     assert rise[0] == pytest.approx(SPEED)

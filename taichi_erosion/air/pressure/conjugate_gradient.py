@@ -10,7 +10,7 @@ replica on one thread.
 Reference: Saad (2003), Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 9.1.
 """
 
-from taichi_erosion.air.grid import Air, each_column, parallel_columns
+from taichi_erosion.air.grid import Air, apply_to_all_columns, apply_to_columns
 from taichi_erosion.air.pressure.multigrid import cycle, cycle_replica, negative_laplacian, neighbour_columns
 from taichi_erosion.air.pressure.projection import relative_divergence, sum_over_columns
 from taichi_erosion.core.errors import SimulationStopped
@@ -93,7 +93,7 @@ def max_or_nan(largest, value):
 
 
 @ti.func
-def worst_cell(air: ti.template(), r):
+def worst_cell_divergence(air: ti.template(), r):
     """Largest divergence of a cell of one replica times the time step [1], or NaN."""
     worst = real(0.0)
     for c in range(ti.static(air.cells[0] * air.cells[1])):
@@ -105,22 +105,22 @@ def worst_cell(air: ti.template(), r):
 def solve_replica(air_out: ti.template(), r):
     """The solve of one replica on one thread; returns its worst cell [1]."""
     air_out.krylov.residual_product[r] = 0.0
-    worst, rounds = worst_cell(air_out, r), 0
+    worst, rounds = worst_cell_divergence(air_out, r), 0
     while worst > REPLICA_TOLERANCE and rounds < ITERATIONS_MOST:
         cycle_replica(air_out.levels, r)
-        each_column(sum_residual_product, air_out, r, r + 1)
+        apply_to_columns(sum_residual_product, air_out, r, r + 1)
         set_direction_weight(air_out, r)
-        each_column(set_direction, air_out, r, r + 1)
-        each_column(set_curvature, air_out, r, r + 1)
+        apply_to_columns(set_direction, air_out, r, r + 1)
+        apply_to_columns(set_curvature, air_out, r, r + 1)
         set_step_length(air_out, r)
-        each_column(update_solution, air_out, r, r + 1)
-        worst = worst_cell(air_out, r)
+        apply_to_columns(update_solution, air_out, r, r + 1)
+        worst = worst_cell_divergence(air_out, r)
         rounds += 1
     return worst
 
 
 @ti.kernel
-def parallel_replicas(task: ti.template(), air_out: ti.template()):
+def apply_to_all_replicas(task: ti.template(), air_out: ti.template()):
     """One device function applied to every replica, in parallel.
 
     Writes `air_out`: what `task` writes.
@@ -131,7 +131,7 @@ def parallel_replicas(task: ti.template(), air_out: ti.template()):
 
 
 @ti.kernel
-def worst_of_all(worst: ti.template()) -> ti.f64:
+def largest_of_columns(worst: ti.template()) -> ti.f64:
     """Largest of all columns of all replicas; NaN where one is NaN."""
     largest = real(0.0)
     ti.loop_config(serialize=True)
@@ -146,20 +146,20 @@ def solve(air: Air, tolerance: float = TOLERANCE) -> int:
     Raises SimulationStopped where the flow has blown up or the solve does not converge.
     """
     air.krylov.residual_product.fill(0.0)
-    worst = worst_of_all(air.krylov.column_worst)
+    worst = largest_of_columns(air.krylov.column_worst)
     for iteration in range(ITERATIONS_MOST):
         if worst <= tolerance:
             return iteration
         if worst != worst:
             break
         cycle(air.levels)
-        parallel_columns(sum_residual_product, air)
-        parallel_replicas(set_direction_weight, air)
-        parallel_columns(set_direction, air)
-        parallel_columns(set_curvature, air)
-        parallel_replicas(set_step_length, air)
-        parallel_columns(update_solution, air)
-        worst = worst_of_all(air.krylov.column_worst)
+        apply_to_all_columns(sum_residual_product, air)
+        apply_to_all_replicas(set_direction_weight, air)
+        apply_to_all_columns(set_direction, air)
+        apply_to_all_columns(set_curvature, air)
+        apply_to_all_replicas(set_step_length, air)
+        apply_to_all_columns(update_solution, air)
+        worst = largest_of_columns(air.krylov.column_worst)
     raise SimulationStopped(
         f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step); "
         "likely cause: the time step is too long for the wind and the cells"

@@ -308,7 +308,7 @@ def coarsest_sweeps(levels: MultigridLevels) -> int:
 
 
 @ti.func
-def each_line(task: ti.template(), serial: ti.template(), levels_out: ti.template(), level, first, last):
+def apply_to_lines(task: ti.template(), serial: ti.template(), levels_out: ti.template(), level, first, last):
     """One device function applied to every line of one level of the replicas from first to last.
 
     As the outermost loop of a kernel it runs in parallel unless it is to be `serial`.
@@ -320,7 +320,7 @@ def each_line(task: ti.template(), serial: ti.template(), levels_out: ti.templat
 
 
 @ti.func
-def relax(serial: ti.template(), levels_out: ti.template(), level, colour, first, last):
+def relax_level(serial: ti.template(), levels_out: ti.template(), level, colour, first, last):
     """Relaxation of one level of the replicas from first to last, a colour (0 or 1) before the other."""
     nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
     ti.loop_config(serialize=serial)
@@ -336,33 +336,33 @@ def cycle_replica(levels_out: ti.template(), r):
     """One V-cycle of one replica on one thread, from a zero solution."""
     last = ti.static(levels_out.number - 1)
     for level in range(last):
-        each_line(clear_line, True, levels_out, level, r, r + 1)
-        relax(True, levels_out, level, 0, r, r + 1)
-        each_line(set_residual, True, levels_out, level, r, r + 1)
-        each_line(restrict_line, True, levels_out, level + 1, r, r + 1)
-    each_line(clear_line, True, levels_out, last, r, r + 1)
+        apply_to_lines(clear_line, True, levels_out, level, r, r + 1)
+        relax_level(True, levels_out, level, 0, r, r + 1)
+        apply_to_lines(set_residual, True, levels_out, level, r, r + 1)
+        apply_to_lines(restrict_line, True, levels_out, level + 1, r, r + 1)
+    apply_to_lines(clear_line, True, levels_out, last, r, r + 1)
     sweep_symmetrically(levels_out, last, ti.static(coarsest_sweeps(levels_out)), r)
     for up in range(last):
-        each_line(prolong_line, True, levels_out, last - 1 - up, r, r + 1)
-        relax(True, levels_out, last - 1 - up, 1, r, r + 1)
+        apply_to_lines(prolong_line, True, levels_out, last - 1 - up, r, r + 1)
+        relax_level(True, levels_out, last - 1 - up, 1, r, r + 1)
 
 
 @ti.kernel
-def parallel_lines(task: ti.template(), serial: ti.template(), level: ti.i32, levels_out: ti.template()):
+def apply_to_all_lines(task: ti.template(), serial: ti.template(), level: ti.i32, levels_out: ti.template()):
     """One device function applied to every line of one level of all replicas, in parallel.
 
     Writes `levels_out`: what `task` writes.
     """
-    each_line(task, serial, levels_out, level, 0, levels_out.right_side.shape[0])
+    apply_to_lines(task, serial, levels_out, level, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel
-def parallel_relax(serial: ti.template(), level: ti.i32, first: ti.i32, levels_out: ti.template()):
+def relax_all_lines(serial: ti.template(), level: ti.i32, first: ti.i32, levels_out: ti.template()):
     """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other.
 
     Writes `levels_out`: solution.
     """
-    relax(serial, levels_out, level, first, 0, levels_out.right_side.shape[0])
+    relax_level(serial, levels_out, level, first, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel
@@ -380,12 +380,12 @@ def cycle(levels: MultigridLevels) -> None:
     """One V-cycle of all replicas in parallel, from a zero solution."""
     last = levels.number - 1
     for level in range(last):
-        parallel_lines(clear_line, levels.serial[level], level, levels)
-        parallel_relax(levels.serial[level], level, 0, levels)
-        parallel_lines(set_residual, levels.serial[level], level, levels)
-        parallel_lines(restrict_line, levels.serial[level + 1], level + 1, levels)
-    parallel_lines(clear_line, levels.serial[last], last, levels)
+        apply_to_all_lines(clear_line, levels.serial[level], level, levels)
+        relax_all_lines(levels.serial[level], level, 0, levels)
+        apply_to_all_lines(set_residual, levels.serial[level], level, levels)
+        apply_to_all_lines(restrict_line, levels.serial[level + 1], level + 1, levels)
+    apply_to_all_lines(clear_line, levels.serial[last], last, levels)
     sweep_coarsest(last, coarsest_sweeps(levels), levels)
     for level in reversed(range(last)):
-        parallel_lines(prolong_line, levels.serial[level], level, levels)
-        parallel_relax(levels.serial[level], level, 1, levels)
+        apply_to_all_lines(prolong_line, levels.serial[level], level, levels)
+        relax_all_lines(levels.serial[level], level, 1, levels)

@@ -11,14 +11,14 @@ repeat to the bit on any number of threads.
 Reference: Chorin (1968), Math. Comput. 22, 745; van Kan (1986), SIAM J. Sci. Stat. Comput. 7, 870.
 """
 
-from taichi_erosion.air.grid import Air, each_stage_column, parallel_stage_columns
-from taichi_erosion.air.momentum import UNIT, drag_rate, face_void, is_solved, volume_flux
+from taichi_erosion.air.grid import Air, apply_stage_to_all_columns, apply_stage_to_columns
+from taichi_erosion.air.momentum import UNIT, drag_rate, face_void, is_unknown, volume_flux
 from taichi_erosion.air.pressure.multigrid import (
+    apply_to_all_lines,
+    apply_to_lines,
     coarsen_conductances,
-    each_line,
     factor_line,
     neighbour_columns,
-    parallel_lines,
 )
 from taichi_erosion.core.ti import ti
 
@@ -46,7 +46,7 @@ def horizontal_conductance(air: ti.template(), r, i, j, k, axis: ti.template(), 
     """Conductance of the low face of a cell along x or y [m]; 0 on a side."""
     value = real(0.0)
     if ti.static(air.cells[axis] > 1):
-        if is_solved(air, i, j, axis):
+        if is_unknown(air, i, j, axis):
             width = air.numbers.width[r]
             value = mobility(air, r, i, j, k, axis, time) * width[1 - axis] * air.height[r, k] / width[axis]
     return value
@@ -86,20 +86,20 @@ def set_finest_conductances(air_out: ti.template(), r, i, j, share):
 @ti.func
 def set_replica_conductances(air_out: ti.template(), r, share):
     """Conductances of all levels of one replica, on one thread."""
-    each_stage_column(set_finest_conductances, air_out, r, r + 1, share)
+    apply_stage_to_columns(set_finest_conductances, air_out, r, r + 1, share)
     for level in range(1, air_out.levels.number):
-        each_line(coarsen_conductances, True, air_out.levels, level, r, r + 1)
+        apply_to_lines(coarsen_conductances, True, air_out.levels, level, r, r + 1)
     for level in range(air_out.levels.number):
-        each_line(factor_line, True, air_out.levels, level, r, r + 1)
+        apply_to_lines(factor_line, True, air_out.levels, level, r, r + 1)
 
 
 def set_conductances(air: Air, share: float) -> None:
     """Conductances of all levels of all replicas for a stage, in parallel."""
-    parallel_stage_columns(set_finest_conductances, share, air)
+    apply_stage_to_all_columns(set_finest_conductances, share, air)
     for level in range(1, air.levels.number):
-        parallel_lines(coarsen_conductances, air.levels.serial[level], level, air.levels)
+        apply_to_all_lines(coarsen_conductances, air.levels.serial[level], level, air.levels)
     for level in range(air.levels.number):
-        parallel_lines(factor_line, air.levels.serial[level], level, air.levels)
+        apply_to_all_lines(factor_line, air.levels.serial[level], level, air.levels)
 
 
 @ti.func
@@ -113,7 +113,7 @@ def low_face_flow(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def divergence(air: ti.template(), r, i, j, k):
+def cell_divergence(air: ti.template(), r, i, j, k):
     """Volume of air that a cell gives off in excess of what it takes up: d eps/dt + div(eps u) [m3 s-1]."""
     total = real(0.0)
     for axis in ti.static(range(3)):
@@ -148,7 +148,7 @@ def set_right_side(air_out: ti.template(), r, i, j):
     (krylov_out,) = ti.static((air_out.krylov,))
     worst, total, c = real(0.0), real(0.0), i * air_out.cells[1] + j
     for k in range(air_out.cells[2]):
-        excess = divergence(air_out, r, i, j, k)
+        excess = cell_divergence(air_out, r, i, j, k)
         air_out.levels.right_side[r, c, k] = -excess
         krylov_out.psi[r, c, k] = 0.0
         worst = ti.max(worst, relative_divergence(air_out, r, k, excess))
@@ -199,7 +199,7 @@ def correct_column(air_out: ti.template(), r, i, j, share):
     for k in range(air_out.cells[2]):
         here, cell = psi[r, c, k], ti.Vector([i, j, k])
         for axis, low in ti.static(((0, 0), (1, 2))):  # west, south
-            if is_solved(air_out, i, j, axis):
+            if is_unknown(air_out, i, j, axis):
                 slope = (here - psi[r, neighbours[low], k]) / width[axis]
                 subtract_gradient(air_out, r, cell, axis, slope, time)
         if k > 0:
