@@ -65,7 +65,7 @@ def column_share(air: ti.template(), r, position, corner):
 
 
 @ti.func
-def wind_of(air: ti.template(), r, column, k):
+def cell_wind(air: ti.template(), r, column, k):
     """Velocity of the air in a cell [m s-1]; in a single column it is horizontal."""
     i, j = column[0], column[1]
     wind = ti.Vector([air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k], real(0.0)])
@@ -89,7 +89,7 @@ def part_count(world: ti.template(), coupling: ti.template(), r):
 
 
 @ti.func
-def part_first(world: ti.template(), coupling: ti.template(), r, p):
+def first_rank_of_part(world: ti.template(), coupling: ti.template(), r, p):
     """First rank of part p of replica r; of the part behind the last, one past all grains."""
     first = 0
     if ti.static(coupling.sums.chunk > 0):
@@ -121,7 +121,7 @@ def mean_wind(air: ti.template(), r, position, radius):
         below = real(0.0)
         for k in range(first, last + 1):
             above = ti.select(k == last, real(1.0), share_below(air, r, position[2], radius, k + 1))
-            mean += across * (above - below) * wind_of(air, r, column, k)
+            mean += across * (above - below) * cell_wind(air, r, column, k)
             below = above
     return mean
 
@@ -133,7 +133,7 @@ def air_cell_index(air: ti.template(), column, k):
 
 
 @ti.func
-def deposit_share(sums_out: ti.template(), row, cell, share, volume, mass, rate, velocity, gain):
+def add_grain_share(sums_out: ti.template(), row, cell, share, volume, mass, rate, velocity, gain):
     """Add the share of one grain to a cell; `gain` is its change of velocity by that cell [m s-1]."""
     part = share * mass
     sums_out.volume[row, cell] = sums_out.volume[row, cell] + share * volume
@@ -162,9 +162,9 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
         below = real(0.0)
         for k in range(first, last + 1):
             above = ti.select(k == last, real(1.0), share_below(air, r, position[2], radius, k + 1))
-            gain = drag_kick + kick * (wind_of(air, r, column, k) - mean)
+            gain = drag_kick + kick * (cell_wind(air, r, column, k) - mean)
             cell = air_cell_index(air, column, k)
-            deposit_share(sums_out, row, cell, across * (above - below), volume, mass, rate, velocity, gain)
+            add_grain_share(sums_out, row, cell, across * (above - below), volume, mass, rate, velocity, gain)
             below = above
     frozen_out.drag_kick[i] = 0.0 * frozen_out.drag_kick[i]
 
@@ -182,6 +182,6 @@ def deposit_part(world_out: ti.template(), coupling_out: ti.template(), r, p):
         sums_out.impulse[row, c] = 0.0 * sums_out.impulse[row, c]
     (replicas,) = ti.static((world_out.replicas,))
     base = side_block(world_out.grains, r, replicas.side[r])
-    first = part_first(world_out, coupling_out, r, p)
-    for rank in range(first, part_first(world_out, coupling_out, r, p + 1)):
+    first = first_rank_of_part(world_out, coupling_out, r, p)
+    for rank in range(first, first_rank_of_part(world_out, coupling_out, r, p + 1)):
         deposit_grain(world_out, coupling_out, r, row, base + rank)

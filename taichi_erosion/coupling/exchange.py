@@ -29,7 +29,7 @@ from taichi_erosion.air.grid import cell_volume
 from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
-from taichi_erosion.coupling.deposit import buffer_row, deposit_part, exchange_interval, part_count, wind_of
+from taichi_erosion.coupling.deposit import buffer_row, cell_wind, deposit_part, exchange_interval, part_count
 from taichi_erosion.coupling.gather import gather_grain, gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.partition import barrier, owns_partition
@@ -45,7 +45,7 @@ VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities
 
 
 @ti.func
-def sum_parts(world: ti.template(), coupling: ti.template(), r, c):
+def sum_of_parts(world: ti.template(), coupling: ti.template(), r, c):
     """Volume, rate, drag source and vertical flow of all grains in a cell."""
     (sums,) = ti.static((coupling.sums,))
     row = buffer_row(world, r, 0)
@@ -70,7 +70,7 @@ def exchanged_part(air: ti.template(), momentum):
 
 
 @ti.func
-def place_of(air: ti.template(), c):
+def cell_indices(air: ti.template(), c):
     """Indices (i, j, k) of cell c of a replica."""
     (n,) = ti.static((air.cells,))
     return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
@@ -95,8 +95,8 @@ def clear_residual(coupling_out: ti.template(), r, c):
 def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
     """Void fraction and drag terms of one cell for the coming steps of the air."""
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
-    i, j, k = place_of(air_out, c)
-    volume, rate, drag_source, volume_flow = sum_parts(world, coupling_out, r, c)
+    i, j, k = cell_indices(air_out, c)
+    volume, rate, drag_source, volume_flow = sum_of_parts(world, coupling_out, r, c)
     cell = cell_volume(air_out, r, k)
     void = ti.max(1.0 - volume / cell, VOID_LEAST)
     air_out.void_fraction[r, i, j, k] = void
@@ -109,17 +109,17 @@ def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
 
 
 @ti.func
-def receive_in_cell(world: ti.template(), coupling_out: ti.template(), r, c):
+def update_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
     """Residual momentum, void fraction and drag terms of one cell, from the sums of all parts."""
     reduce_residual(world, coupling_out, r, c)
     set_cell_load(world, coupling_out, r, c)
 
 
 @ti.func
-def receive_in_air(world: ti.template(), coupling_out: ti.template(), r):
+def update_air_loads(world: ti.template(), coupling_out: ti.template(), r):
     """Residual momentum, void fraction and drag terms of every cell."""
     for c in range(coupling_out.air.cell_count):
-        receive_in_cell(world, coupling_out, r, c)
+        update_cell_load(world, coupling_out, r, c)
 
 
 @ti.func
@@ -127,7 +127,7 @@ def return_residual(coupling_out: ti.template(), r, interval):
     """Return the residual momentum to the air as a force over a step [s] of it."""
     air_out, exchange = ti.static((coupling_out.air, coupling_out.exchange))
     for c in range(air_out.cell_count):
-        i, j, k = place_of(air_out, c)
+        i, j, k = cell_indices(air_out, c)
         back = exchange.residual_momentum[r, c] / (interval * cell_volume(air_out, r, k))
         air_out.exchange_force[r, i, j, k] = air_out.exchange_force[r, i, j, k] + back
 
@@ -136,7 +136,7 @@ def return_residual(coupling_out: ti.template(), r, interval):
 def column_drag(air: ti.template(), r, k):
     """Force of the grains on a layer of a column of air [N m-3]."""
     force = exchanged_part(air, air.exchange_force[r, 0, 0, k])
-    return force - air.exchange_coefficient[r, 0, 0, k] * wind_of(air, r, ti.Vector([0, 0]), k)
+    return force - air.exchange_coefficient[r, 0, 0, k] * cell_wind(air, r, ti.Vector([0, 0]), k)
 
 
 @ti.func
@@ -144,7 +144,7 @@ def add_residual(coupling_out: ti.template(), r, interval):
     """Add what the air has lost in its last step [s] to the residual momentum."""
     air, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     for c in range(air.cell_count):
-        i, j, k = place_of(air, c)
+        i, j, k = cell_indices(air, c)
         gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
         if ti.static(air.is_column):
             gained = column_drag(air, r, k) * (interval * cell_volume(air, r, k))
@@ -171,7 +171,7 @@ def deposit_and_advance(
             deposit_part(world_out, coupling_out, r, p)
     phase = barrier(replicas_out, r, size, phase)
     if member == 0:
-        receive_in_air(world_out, coupling_out, r)
+        update_air_loads(world_out, coupling_out, r)
         if advances:
             advance_loaded_column(world_out, coupling_out, r)
     return barrier(replicas_out, r, size, phase)
@@ -198,7 +198,7 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
 
 
 @ti.func
-def set_held_load(world: ti.template(), coupling_out: ti.template(), r, c, number, anew):
+def set_spin_up_load(world: ti.template(), coupling_out: ti.template(), r, c, number, anew):
     """Drag terms of one cell in a round of a spin-up; the first brings its residual up to date."""
     if number == 0:
         reduce_residual(world, coupling_out, r, c)
@@ -228,7 +228,7 @@ def spin_up_round(
         if p < part_count(world_out, coupling_out, r):
             deposit_part(world_out, coupling_out, r, p)
     for c in range(coupling_out.air.cell_count):
-        set_held_load(world_out, coupling_out, r, c, number, anew)
+        set_spin_up_load(world_out, coupling_out, r, c, number, anew)
 
 
 def spin_up(world: World, coupling: CouplingState, replica: int, anew: bool) -> None:

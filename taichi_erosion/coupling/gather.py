@@ -14,7 +14,7 @@ from math import pi
 
 from taichi_erosion.core.effect_device import add_gusts, advance_states, total_drag_factor, total_grain_force
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
+from taichi_erosion.coupling.deposit import SPHERE_VOLUME, cell_wind, column_share, layer_range, share_below
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first_rank, side_block
@@ -28,7 +28,7 @@ HALF = 2.0**-33  # keeps the logarithm away from zero
 
 
 @ti.func
-def mix_bits(key):
+def scramble_bits(key):
     """Three scrambled 32-bit numbers of three."""
     v = key * ti.u32(MULTIPLIER) + ti.u32(INCREMENT)
     for _ in ti.static(range(2)):
@@ -43,7 +43,7 @@ def mix_bits(key):
 def uniform_numbers(seed, ident, step):
     """Three numbers between 0 and 1."""
     key = ti.Vector([ti.cast(seed, ti.u32), ti.cast(ident, ti.u32), ti.cast(step, ti.u32)])
-    return ti.cast(mix_bits(key), ti.f64) * UNIT + HALF
+    return ti.cast(scramble_bits(key), ti.f64) * UNIT + HALF
 
 
 @ti.func
@@ -68,7 +68,7 @@ def gather_column(coupling: ti.template(), r, column, height, radius):
     for k in range(first, last + 1):
         above = ti.select(k == last, real(1.0), share_below(air, r, height, radius, k + 1))
         share = above - below
-        velocity += share * wind_of(air, r, column, k)
+        velocity += share * cell_wind(air, r, column, k)
         void += share * air.void_fraction[r, i, j, k]
         if ti.static(coupling.has_through_flow):
             velocity[2] += share * exchange.rise_velocity[r, k]
@@ -77,7 +77,7 @@ def gather_column(coupling: ti.template(), r, column, height, radius):
             pressure_force -= share * air.gradient[r, i, j, k]
         below = above
     span = air.centre[r, last + 1] - air.centre[r, first - 1]
-    shear = (wind_of(air, r, column, last + 1)[0] - wind_of(air, r, column, first - 1)[0]) / span
+    shear = (cell_wind(air, r, column, last + 1)[0] - cell_wind(air, r, column, first - 1)[0]) / span
     return velocity, void, pressure_force, shear
 
 

@@ -16,7 +16,7 @@ from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import deposit_part, part_count
-from taichi_erosion.coupling.exchange import add_residual, clear_residual, receive_in_air, return_residual
+from taichi_erosion.coupling.exchange import add_residual, clear_residual, return_residual, update_air_loads
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import update_sleep_states
@@ -25,15 +25,15 @@ AIR = int(Status.AIR)
 
 
 @ti.func
-def deposit_all(world_out: ti.template(), coupling_out: ti.template(), r):
+def deposit_all_grains(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r, and set the drag terms of its air."""
     for p in range(part_count(world_out, coupling_out, r)):
         deposit_part(world_out, coupling_out, r, p)
-    receive_in_air(world_out, coupling_out, r)
+    update_air_loads(world_out, coupling_out, r)
 
 
 @ti.func
-def gather_all(world_out: ti.template(), coupling: ti.template(), r, updates_state):
+def gather_all_grains(world_out: ti.template(), coupling: ti.template(), r, updates_state):
     """Gather the frozen terms of all grains of replica r."""
     for p in range(world_out.replicas.partitions[r]):
         gather_partition(world_out, coupling, r, p, updates_state)
@@ -42,13 +42,13 @@ def gather_all(world_out: ti.template(), coupling: ti.template(), r, updates_sta
 @ti.func
 def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
     """Void fraction, drag terms and frozen drag of replica r from its present state; nothing advances."""
-    deposit_all(world_out, coupling_out, r)
+    deposit_all_grains(world_out, coupling_out, r)
     apply_to_columns(store_void_fraction, coupling_out.air, r, r + 1)
-    gather_all(world_out, coupling_out, r, False)
+    gather_all_grains(world_out, coupling_out, r, False)
 
 
 @ti.func
-def clear_residuals_of(world_out: ti.template(), coupling_out: ti.template(), r):
+def clear_replica_residuals(world_out: ti.template(), coupling_out: ti.template(), r):
     """Zero residual momentum of replica r."""
     for c in range(coupling_out.air.cell_count):
         clear_residual(coupling_out, r, c)
@@ -57,7 +57,7 @@ def clear_residuals_of(world_out: ti.template(), coupling_out: ti.template(), r)
 @ti.func
 def begin_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r for the step of its air."""
-    deposit_all(world_out, coupling_out, r)
+    deposit_all_grains(world_out, coupling_out, r)
     return_residual(coupling_out, r, coupling_out.air.numbers.time_step[r])
 
 
@@ -65,7 +65,7 @@ def begin_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
 def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     """Residual momentum and frozen terms of replica r after the step of its air."""
     add_residual(coupling_out, r, coupling_out.air.numbers.time_step[r])
-    gather_all(world_out, coupling_out, r, True)
+    gather_all_grains(world_out, coupling_out, r, True)
     if ti.static(world_out.sleeps):
         update_sleep_states(world_out, r, 0, 1, 1)
     coupling_out.exchange.last_exchange[r] = world_out.replicas.step[r]
@@ -94,7 +94,7 @@ def match_air_to_grains(world: World, coupling: CouplingState, count: int, chunk
 
 def clear_residuals(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
     """Zero residual momentum of the selected replicas."""
-    each_selected_replica(clear_residuals_of, count, chunk, world, coupling)
+    each_selected_replica(clear_replica_residuals, count, chunk, world, coupling)
 
 
 def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk: int) -> None:

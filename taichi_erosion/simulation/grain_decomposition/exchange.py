@@ -10,7 +10,7 @@ from typing import Any
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import deposit_part, part_count
-from taichi_erosion.coupling.exchange import advance_loaded_column, receive_in_cell
+from taichi_erosion.coupling.exchange import advance_loaded_column, update_cell_load
 from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import count_rest_exchanges, mark_unsettled_pairs, update_sleep_state
@@ -53,7 +53,7 @@ def sum_chunk(world_out: ti.template(), coupling_out: ti.template(), buffers: ti
 @ti.func
 def load_air_cell(world: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, c):
     """Residual momentum, void fraction and drag terms of one cell."""
-    receive_in_cell(world, coupling_out, r, c)
+    update_cell_load(world, coupling_out, r, c)
 
 
 @ti.func
