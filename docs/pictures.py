@@ -26,7 +26,7 @@ from taichi_erosion.recording.pictures import (
     grain_colours,
     render_side,
     resting_colours,
-    scale_length,
+    scale_bar_length,
     write_png,
 )
 from taichi_erosion.recording.readback import read_grains
@@ -144,7 +144,7 @@ def bench_picture(session: Session) -> Image.Image:
     empty = np.asarray(render_side(now.position[:0], now.radius[:0], view))
     drawn[(drawn == empty).all(axis=-1)] = PAPER
     picture = Image.fromarray(drawn)
-    length = scale_length(1e3 * 0.25 * BENCH_SIZE[0] / view.scale)
+    length = scale_bar_length(1e3 * 0.25 * BENCH_SIZE[0] / view.scale)
     right, row = BENCH_SIZE[0] - 12, 16
     draw, left = ImageDraw.Draw(picture), right - 1e-3 * length * view.scale
     draw.line((left, row, right, row), "black", 2)

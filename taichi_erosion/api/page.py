@@ -28,7 +28,7 @@ from taichi_erosion.execution import session as live
 from taichi_erosion.execution.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
 from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.pictures import CHALK, colours_by
+from taichi_erosion.recording.pictures import CHALK, colours_by_quantity
 from taichi_erosion.recording.viewer import LOOPBACK, viewer_files
 
 PORTION = 0.03  # s of wall time between two moments at which a page acts
@@ -166,7 +166,7 @@ class Page:
             recorder, out = self.view
             self.frames += 1
             now = simulation.snapshot(session.sim, 0)
-            colours = colours_by(colour, now, slow, max(stream.FASTEST_COLOUR, 2.0 * slow))
+            colours = colours_by_quantity(colour, now, slow, max(stream.FASTEST_COLOUR, 2.0 * slow))
             self.idents, colours[now.ident == grain] = now.ident, CHALK
             stream.log_view(recorder.recording, self.frames, now, colours)
             log_walls(recorder, session.sim)

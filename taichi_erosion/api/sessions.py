@@ -65,9 +65,9 @@ class LiveSession:
     @property
     def grains(self) -> "xr.Dataset":
         """Grains now: position [m], velocity [m s-1], spin [rad s-1], force [N], radius [m], mass [kg]."""
-        from taichi_erosion.recording.export import grain_frame, grain_table
+        from taichi_erosion.recording.export import frame_of_state, grain_table
 
-        return grain_table([grain_frame(simulation.snapshot(self.session.sim, 0))]).isel(time=0)
+        return grain_table([frame_of_state(simulation.snapshot(self.session.sim, 0))]).isel(time=0)
 
     @property
     def contacts(self) -> "xr.Dataset":
@@ -98,10 +98,10 @@ class LiveSession:
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""
-        from taichi_erosion.recording.export import force_chain_png, grain_frame
+        from taichi_erosion.recording.export import force_chain_png, frame_of_state
 
         sim, walls = self.session.sim, sessions.present_wall_meshes(self.session)
-        frame = grain_frame(simulation.snapshot(sim, 0))
+        frame = frame_of_state(simulation.snapshot(sim, 0))
         picture = force_chain_png(frame, simulation.contact_network(sim, 0), walls)
         return sessions.write_file(self.session, Path(to), picture)
 

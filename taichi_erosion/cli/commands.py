@@ -285,9 +285,9 @@ def view(
         from taichi_erosion.recording.viewer import open_viewer
 
         raise typer.Exit(open_viewer(recording_of(file)))
-    from taichi_erosion.recording.viewer import web_viewer
+    from taichi_erosion.recording.viewer import serve_web_viewer
 
-    with web_viewer(recording_of(file)) as served:
+    with serve_web_viewer(recording_of(file)) as served:
         typer.echo(f"{served.instructions}\nCtrl-C ends it", err=True)
         try:
             threading.Event().wait()

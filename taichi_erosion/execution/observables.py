@@ -351,12 +351,12 @@ def measure_by_user_file(name: str, state: MeasureInput) -> Measurement:
 
     It gets xarrays of the grains that are there, of the contacts and of the walls, in SI units.
     """
-    from taichi_erosion.recording.export import contact_table, grain_frame, grain_table, wall_table
+    from taichi_erosion.recording.export import contact_table, frame_of_state, grain_table, wall_table
 
     assert state.network is not None
     unit, function = load_measure_file(measure_files_of_scene(state.scene)[name])
     network = state.network()
-    grains = grain_table([grain_frame(state.end)]).isel(time=0).sel(grain=state.end.ident)
+    grains = grain_table([frame_of_state(state.end)]).isel(time=0).sel(grain=state.end.ident)
     try:
         result = function(grains, contact_table([network]), wall_table(state.poses, network))
         value, sd = (float(number) for number in (result if isinstance(result, tuple) else (result, nan)))

@@ -19,7 +19,7 @@ from taichi_erosion.execution.stages import whole_intervals
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording import pictures, stream
-from taichi_erosion.recording.air_recording import log_fields, log_profile
+from taichi_erosion.recording.air_recording import log_grain_fields, log_height_profile
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation
@@ -59,7 +59,7 @@ def open_recorder(path: Path, title: str, text: str, sim: Simulation, scene: Sce
         fields=scene.record.fields,
     )
     recording = stream.open_recording(path, header)
-    stream.log_colours(recording, resting_speed(setup))
+    stream.log_colour_legend(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
 
 
@@ -146,17 +146,17 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.record.fields and len(now.mass):
-        log_fields(recorder.recording, fields_now(sim, recorder.replica))
+        log_grain_fields(recorder.recording, fields_now(sim, recorder.replica))
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)
-        log_profile(recorder.recording, air.velocity[:, 0], air.face)
+        log_height_profile(recorder.recording, air.velocity[:, 0], air.face)
         patch = patch_of(scene)
         values = {
             "flux": flux_of(now, patch),
             "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
             "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
         }
-        stream.log_values(recorder.recording, "transport", values)
+        stream.log_curve_values(recorder.recording, "transport", values)
     return now
 
 

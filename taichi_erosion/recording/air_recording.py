@@ -38,22 +38,22 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
     )
     layout = rrb.Vertical(image_view("Speed along the wind", "/slice"), below, row_shares=[1, 1])
     recording = stream.open_stream(path, name, with_time_panel(layout, FRAMES_PER_SECOND))
-    stream.log_scene(recording, name, scene_text)
+    stream.log_scene_text(recording, name, scene_text)
     for curve, legend in curves.items():
-        stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
+        stream.log_curve_legend(recording, f"air/{curve}", legend, pictures.SAND)
     stream.flush(recording)
     return recording
 
 
 def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mapping[str, float]) -> None:
     """Write slice, profile and curves of one state."""
-    stream.set_time(recording, state.time, step)
-    stream.log_image(recording, "slice", speed_slice(state))
-    log_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
-    stream.log_values(recording, "air", curves)
+    stream.set_recording_time(recording, state.time, step)
+    stream.log_image(recording, "slice", speed_slice_picture(state))
+    log_height_profile(recording, state.velocity[..., 0].mean(axis=(0, 1)), state.faces_z)
+    stream.log_curve_values(recording, "air", curves)
 
 
-def speed_slice(state: AirSnapshot) -> Picture:
+def speed_slice_picture(state: AirSnapshot) -> Picture:
     """Picture of the speed in the vertical plane along the wind through the middle of the box."""
     middle = state.velocity.shape[1] // 2
     speed = np.linalg.norm(state.velocity[:, middle], axis=-1)
@@ -77,7 +77,7 @@ def wind_colours(share: Floats) -> Colours:
     return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)
 
 
-def log_fields(recording: Recording, fields: GrainFields) -> None:
+def log_grain_fields(recording: Recording, fields: GrainFields) -> None:
     """Write all columns of a vertical profile of the grains, and two of them as curves."""
     columns = {"width": [fields.width], **{name: fields.at.get(name, np.zeros(0)) for name in "xyz"}}
     columns |= {name: getattr(fields, name).ravel() for name in FIELD_UNITS}
@@ -85,11 +85,11 @@ def log_fields(recording: Recording, fields: GrainFields) -> None:
     z = fields.at["z"]
     faces = np.append(z - 0.5 * (z[1] - z[0]), z[-1] + 0.5 * (z[1] - z[0]))
     stress = fields.kinetic_stress + fields.contact_stress
-    log_profile(recording, fields.solid_fraction.ravel(), faces, "solid_fraction", "", faces[0])
-    log_profile(recording, stress[..., 2, 2].ravel(), faces, "vertical_stress", " Pa", faces[0])
+    log_height_profile(recording, fields.solid_fraction.ravel(), faces, "solid_fraction", "", faces[0])
+    log_height_profile(recording, stress[..., 2, 2].ravel(), faces, "vertical_stress", " Pa", faces[0])
 
 
-def log_profile(
+def log_height_profile(
     recording: Recording,
     speed: Floats,
     faces: Floats,

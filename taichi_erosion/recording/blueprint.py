@@ -70,10 +70,10 @@ def with_time_panel(
     )
 
 
-def blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = False) -> "rrb.Blueprint":
+def run_blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = False) -> "rrb.Blueprint":
     """Blueprint of a run: grains, and contacts if asked, on the left; on the right measure, curves, texts."""
     right = rrb.Vertical(
-        *kind_views(kind),
+        *scene_kind_views(kind),
         *([rrb.Horizontal(*(image_view(*view) for view in PROFILES))] if fields else []),
         rrb.Tabs(
             rrb.TextDocumentView(name="Scene", origin="/scene"),
@@ -90,7 +90,7 @@ def blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = Fa
     return with_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
 
 
-def kind_views(kind: str) -> "list[rrb.View]":
+def scene_kind_views(kind: str) -> "list[rrb.View]":
     """Views for a kind of scene: outline of a heap, wind and transport, or speeds."""
     energy = rrb.TimeSeriesView(
         name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.LeftBottom

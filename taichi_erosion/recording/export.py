@@ -31,7 +31,7 @@ NOTHING = dict.fromkeys(FIELD_UNITS, 0.0) | {"velocity": np.nan}  # beyond the g
 NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 
 
-def grain_frame(state: Snapshot) -> readback.GrainFrame:
+def frame_of_state(state: Snapshot) -> readback.GrainFrame:
     """Frame of a state that has not been recorded."""
     columns = {n: getattr(state, n) for n in ("velocity", "spin", "force", "mass", "contacts", "kind")}
     columns = {name: values for name, values in columns.items() if values is not None}
@@ -61,17 +61,17 @@ def contact_table(networks: Sequence[ContactNetwork]) -> "xr.Dataset":
     """Contacts of all frames one after the other, each with its time; vectors also by axis."""
     import xarray as xr
 
-    def column(name: str) -> np.ndarray:
+    def concatenate_column(name: str) -> np.ndarray:
         return np.concatenate([getattr(one, name) for one in networks]) if networks else np.zeros(0)
 
     walls = networks[-1].walls if networks else ()
     columns = {"meaning": "row of the grain; of a wall -1 - its place in the attribute walls"}
-    scalars = {name: ("contact", column(name), columns) for name in ("first", "second")}
+    scalars = {name: ("contact", concatenate_column(name), columns) for name in ("first", "second")}
     vectors = {
-        name: (("contact", "axis"), column(name).reshape(-1, 3), {"units": UNITS.get(name, "1")})
+        name: (("contact", "axis"), concatenate_column(name).reshape(-1, 3), {"units": UNITS.get(name, "1")})
         for name in CONTACT_VECTORS
     }
-    normal = {"normal_force": ("contact", column("normal_force"), {"units": "N"})}
+    normal = {"normal_force": ("contact", concatenate_column("normal_force"), {"units": "N"})}
     times = np.repeat([one.time for one in networks], [len(one.first) for one in networks])
     places = {"time": ("contact", times, {"units": "s"}), "axis": ["x", "y", "z"]}
     return xr.Dataset(scalars | vectors | normal, places, {"walls": ", ".join(walls)})
@@ -169,17 +169,17 @@ def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for number, frame in enumerate(frames):
-            parts.append((frame.time, 0, write_grains(frame, folder, number)))
+            parts.append((frame.time, 0, write_vtk_grains(frame, folder, number)))
             if any(wall.at(frame.time) is not None for wall in walls):
-                parts.append((frame.time, 1, write_walls(walls, frame.time, folder, number)))
+                parts.append((frame.time, 1, write_vtk_walls(walls, frame.time, folder, number)))
             if network := networks.get(frame.time):
-                parts.append((frame.time, 2, write_contacts(network, folder, number)))
+                parts.append((frame.time, 2, write_vtk_contacts(network, folder, number)))
     except OSError as error:
         raise BadInput(f"{folder}: cannot be written ({error.strerror})") from None
-    return write_collection(folder, parts, recording)
+    return write_vtk_collection(folder, parts, recording)
 
 
-def write_grains(frame: readback.GrainFrame, folder: Path, number: int) -> str:
+def write_vtk_grains(frame: readback.GrainFrame, folder: Path, number: int) -> str:
     """Write the grains of one frame; returns the name of the file."""
     import meshio
 
@@ -190,7 +190,7 @@ def write_grains(frame: readback.GrainFrame, folder: Path, number: int) -> str:
     return name
 
 
-def write_contacts(network: ContactNetwork, folder: Path, number: int) -> str:
+def write_vtk_contacts(network: ContactNetwork, folder: Path, number: int) -> str:
     """Write the contacts of one frame as lines that end at the first body; returns the name of the file."""
     import meshio
 
@@ -203,7 +203,7 @@ def write_contacts(network: ContactNetwork, folder: Path, number: int) -> str:
     return name
 
 
-def write_walls(walls: Sequence[readback.WallTrack], time: float, folder: Path, number: int) -> str:
+def write_vtk_walls(walls: Sequence[readback.WallTrack], time: float, folder: Path, number: int) -> str:
     """Write the walls at a time [s], numbered by `wall`; returns the name of the file, one if none moves."""
     import meshio
 
@@ -220,7 +220,7 @@ def write_walls(walls: Sequence[readback.WallTrack], time: float, folder: Path, 
     return name
 
 
-def write_collection(folder: Path, parts: Sequence[tuple[float, int, str]], recording: Path) -> Path:
+def write_vtk_collection(folder: Path, parts: Sequence[tuple[float, int, str]], recording: Path) -> Path:
     """List of files with their times, marked by the recording."""
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")

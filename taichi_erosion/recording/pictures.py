@@ -90,7 +90,7 @@ def interpolate_colours(share: Floats, anchors: NDArray[np.int_]) -> Colours:
     return np.stack(channels, axis=-1).astype(np.uint8)
 
 
-def colours_by(quantity: str, snapshot: Snapshot, low: float, high: float) -> Colours:
+def colours_by_quantity(quantity: str, snapshot: Snapshot, low: float, high: float) -> Colours:
     """Colours of grains by force, material or contacts; by anything else as `grain_colours`."""
     if quantity == "force" and snapshot.force is not None:
         return force_colours(np.linalg.norm(snapshot.force, axis=1))
@@ -101,7 +101,7 @@ def colours_by(quantity: str, snapshot: Snapshot, low: float, high: float) -> Co
     return grain_colours(snapshot, low, high)
 
 
-def force_widths(normal_force: Floats) -> Floats:
+def force_line_widths(normal_force: Floats) -> Floats:
     """Width of the line of each contact over the largest: its share of thrice the mean force, at most 1."""
     size = np.abs(normal_force)
     mean = size.sum() / max(len(size), 1)
@@ -110,7 +110,7 @@ def force_widths(normal_force: Floats) -> Floats:
 
 def force_colours(normal_force: Floats) -> Colours:
     """Colour of each contact by the same share: of those that push from dusk to ember, that pull, to ice."""
-    share = force_widths(normal_force)
+    share = force_line_widths(normal_force)
     push, pull = (interpolate_colours(share, np.array([(80, 84, 100), *ends])) for ends in FORCE_COLOURS)
     return np.where(normal_force[:, np.newaxis] < 0.0, pull, push)
 
@@ -120,7 +120,7 @@ def night_background(size: tuple[int, int]) -> Picture:
     return ImageOps.colorize(Image.linear_gradient("L").resize(size), NIGHT, DUSK)
 
 
-def write_text(picture_out: Picture, place: tuple[float, float], text: str, size: int, anchor: str) -> None:
+def draw_text(picture_out: Picture, place: tuple[float, float], text: str, size: int, anchor: str) -> None:
     """Write a line at a place; `anchor` as in Pillow: la, ma and ra put its top left, middle, right there."""
     ImageDraw.Draw(picture_out).text(place, text, CHALK, ImageFont.load_default(size), anchor=anchor)
 
@@ -187,7 +187,7 @@ def draw_spheres(
             draw_out.ellipse(box, tuple(tone))
 
 
-def scale_length(longest: float) -> float:
+def scale_bar_length(longest: float) -> float:
     """Longest of 1, 2 or 5 times a power of ten up to a length, in its unit."""
     power = 10.0 ** floor(log10(longest))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest * (1.0 + 1e-9))
@@ -195,11 +195,11 @@ def scale_length(longest: float) -> float:
 
 def draw_scale_bar(picture_out: Picture, view: SideView) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten, its length above it in mm, in the lower right corner."""
-    length = scale_length(1e3 * BAR_SHARE * view.size[0] / view.scale)
+    length = scale_bar_length(1e3 * BAR_SHARE * view.size[0] / view.scale)
     right, row = view.size[0] - MARGIN, view.size[1] - MARGIN
     left = right - 1e-3 * length * view.scale
     ImageDraw.Draw(picture_out).line((left, row, right, row), CHALK, 2)
-    write_text(picture_out, (0.5 * (left + right), row - 4), f"{length:g} mm", LETTER_SIZE, "ms")
+    draw_text(picture_out, (0.5 * (left + right), row - 4), f"{length:g} mm", LETTER_SIZE, "ms")
 
 
 def draw_colour_bar(
@@ -213,7 +213,7 @@ def draw_colour_bar(
     for tick, number in enumerate(numbers):
         text, anchor = f"{number:.2g}", "la" if tick == 0 else "ma"
         place = (column + tick / last * width, row + height + 2 * size)
-        write_text(picture_out, place, text + (" m/s" if tick == last else ""), 10 * size, anchor)
+        draw_text(picture_out, place, text + (" m/s" if tick == last else ""), 10 * size, anchor)
 
 
 def draw_speed_bar(
@@ -245,7 +245,7 @@ def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Picture
             draw.line(beyond.ravel().tolist(), (*EMBER, 90), width // 2)
             draw.line(ends.ravel().tolist(), EMBER, width)
         picture = picture.reduce(SMOOTHING)
-    write_text(picture, CAPTION_CORNER, caption, LETTER_SIZE, "la")
+    draw_text(picture, CAPTION_CORNER, caption, LETTER_SIZE, "la")
     return picture
 
 
@@ -267,7 +267,7 @@ def film_frame(
 ) -> Picture:
     """One picture of a film: grains from the side, the time, the colours of speeds and a scale bar."""
     picture = render_side(snapshot.position, snapshot.radius, view, grain_colours(snapshot, *speeds), walls)
-    write_text(picture, CAPTION_CORNER, f"{snapshot.time:.2f} s", LETTER_SIZE, "la")
+    draw_text(picture, CAPTION_CORNER, f"{snapshot.time:.2f} s", LETTER_SIZE, "la")
     draw_scale_bar(picture, view)
     draw_speed_bar(picture, (picture.width - COLOUR_BAR[0] - 3 * MARGIN, MARGIN), speeds)
     return picture
@@ -280,7 +280,7 @@ def force_chain_picture(
     grains = render_side(positions, radii, view, np.tile(np.array(FAINT, np.uint8), (len(radii), 1)), walls)
     picture = grains.resize((SMOOTHING * view.size[0], SMOOTHING * view.size[1]))
     draw, size = ImageDraw.Draw(picture), network.normal_force
-    widths = force_widths(size) * np.linalg.norm(network.branch, axis=1)
+    widths = force_line_widths(size) * np.linalg.norm(network.branch, axis=1)
     widths = np.maximum(SMOOTHING * view.scale * CHAIN_SHARE * widths, 1.0).round().astype(int)
     ends = np.stack([network.centre, network.centre - network.branch], axis=1)[..., [0, 2]]
     places, colours = SMOOTHING * view.pixels(ends), force_colours(size)
@@ -288,7 +288,7 @@ def force_chain_picture(
         draw.line(places[row].ravel().tolist(), tuple(colours[row].tolist()), int(widths[row]))
     picture = picture.reduce(SMOOTHING)
     mean = f"{network.time:.3g} s, mean {np.abs(size).mean():.2g} N" if len(size) else "no contacts"
-    write_text(picture, CAPTION_CORNER, mean, LETTER_SIZE, "la")
+    draw_text(picture, CAPTION_CORNER, mean, LETTER_SIZE, "la")
     draw_scale_bar(picture, view)
     return picture
 

@@ -45,12 +45,12 @@ END = 0  # kind of the message that closes a recording
 
 
 @contextmanager
-def readable_file(path: Path) -> Iterator[Path]:
+def open_whole_messages(path: Path) -> Iterator[Path]:
     """A file that rerun can read: the recording, or a copy of its whole messages where the last one is cut.
 
     A part file is copied too, since the viewer knows recordings by their suffix.
     """
-    size = whole_size(path)
+    size = size_of_whole_messages(path)
     if size == path.stat().st_size and path.suffix == SUFFIX:
         yield path
         return
@@ -60,7 +60,7 @@ def readable_file(path: Path) -> Iterator[Path]:
         yield copy
 
 
-def whole_size(path: Path) -> int:
+def size_of_whole_messages(path: Path) -> int:
     """Bytes up to the end of the last whole message; of a closed recording, all of them."""
     if not path.is_file():
         raise BadInput(f"{path}: no such recording")
@@ -99,7 +99,7 @@ def read_chunks(path: Path) -> Iterator["Chunk"]:
     """
     from rerun.chunk import RrdReader
 
-    with readable_file(path) as whole:
+    with open_whole_messages(path) as whole:
         try:
             with warnings.catch_warnings():
                 # what a killed writer leaves has no footer, and is no legacy format
@@ -112,7 +112,7 @@ def read_chunks(path: Path) -> Iterator["Chunk"]:
             raise BadInput(f"{path}: the recording is damaged ({reason})") from None
 
 
-def read_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[str, NDArray[Any]]]]:
+def component_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[str, NDArray[Any]]]]:
     """Rows (time [ns], values by component) of an entity that hold one component, in order of time."""
     rows = []
     for chunk in read_chunks(path):
@@ -122,13 +122,13 @@ def read_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[s
                 times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64).tolist()
                 # data, not times or numbers of rows
                 names = [f.name for f in batch.schema if (f.metadata or {}).get(b"rerun:kind") == b"data"]
-                columns = zip(*(column_rows(batch.column(name)) for name in names), strict=True)
+                columns = zip(*(list_column_rows(batch.column(name)) for name in names), strict=True)
                 tables = (dict(zip(names, row, strict=True)) for row in columns)
                 rows += zip(times, tables, strict=True)
     return sorted((row for row in rows if row[1][component] is not None), key=lambda row: row[0])
 
 
-def column_rows(column: "pa.Array") -> Iterator[Any]:
+def list_column_rows(column: "pa.Array") -> Iterator[Any]:
     """Every row of a list column as one array, vectors as its rows; None where nothing was logged."""
     import pyarrow as pa
 
@@ -144,10 +144,10 @@ def column_rows(column: "pa.Array") -> Iterator[Any]:
 
 def read_grains(path: Path) -> list[GrainFrame]:
     """Every frame of a run, static and mobile grains put together."""
-    beds = read_rows(path, "world/bed", POSITION)
+    beds = component_rows(path, "world/bed", POSITION)
     bed_times = [time for time, _ in beds]
     frames = []
-    for time, mobile in read_rows(path, "world/mobile", POSITION):
+    for time, mobile in component_rows(path, "world/mobile", POSITION):
         latest = bisect_right(bed_times, time) - 1
         if latest < 0:
             continue  # the bed of this frame was lost with the killed writer
@@ -163,7 +163,7 @@ def read_grains(path: Path) -> list[GrainFrame]:
 def read_contacts(path: Path) -> list[ContactNetwork]:
     """Contacts of every frame, to single precision; none where the scene did not ask for them."""
     networks = []
-    for time, row in read_rows(path, CONTACTS, "first"):
+    for time, row in component_rows(path, CONTACTS, "first"):
         walls = tuple(str(name) for name in row["walls"])
         vectors = {name: row[name].astype(np.float64) for name in CONTACT_VECTORS}
         networks.append(
@@ -175,7 +175,7 @@ def read_contacts(path: Path) -> list[ContactNetwork]:
 def read_fields(path: Path) -> list[GrainFields]:
     """Coarse-grained profiles of every frame; none where the scene did not ask for them."""
     samples = []
-    for time, row in read_rows(path, "fields", "solid_fraction"):
+    for time, row in component_rows(path, "fields", "solid_fraction"):
         at = {name: row[name] for name in "xyz" if row[name] is not None and len(row[name])}
         shape, inner = tuple(map(len, at.values())), {"velocity": (3,), "wall_force": (3,)}
         inner |= {"kinetic_stress": (3, 3), "contact_stress": (3, 3)}
@@ -208,7 +208,7 @@ def read_walls(path: Path) -> list[WallTrack]:
             continue
         name = chunk.entity_path.removeprefix(WALLS).replace("\\", "")
         track, batch = tracks.setdefault(name, WallTrack(name)), chunk.to_record_batch()
-        columns = {key: list(column_rows(batch.column(key))) for key in batch.schema.names if ":" in key}
+        columns = {key: list(list_column_rows(batch.column(key))) for key in batch.schema.names if ":" in key}
         times = [0] if chunk.is_static else batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(int)
         for place, time in enumerate(times):
             row = {key: column[place] for key, column in columns.items()}

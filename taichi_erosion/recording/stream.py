@@ -148,14 +148,14 @@ def open_stream(path: Path, name: str, layout: "rrb.Blueprint", application: str
 def open_recording(path: Path, header: RunHeader) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = blueprints.choose_focus(header.kind, header.radii, header.walls)
-    layout = blueprints.blueprint(header.kind, focus, header.contacts, header.fields)
+    layout = blueprints.run_blueprint(header.kind, focus, header.contacts, header.fields)
     recording = open_stream(path, header.name, layout)
-    log_scene(recording, header.name, header.scene_text)
+    log_scene_text(recording, header.name, header.scene_text)
     curves = CURVES | (TRANSPORT if header.kind in blueprints.WIND_KINDS else {})
     for entity, (legend, colour) in curves.items():
-        log_legend(recording, entity, legend, colour)
-    set_time(recording, 0.0, 0)
-    log_space(recording, header.walls, focus)
+        log_curve_legend(recording, entity, legend, colour)
+    set_recording_time(recording, 0.0, 0)
+    log_surroundings(recording, header.walls, focus)
     flush(recording)
     return recording
 
@@ -172,7 +172,7 @@ def open_view(kind: str, radii: Floats, walls: tuple[WallMesh, ...]) -> tuple[Re
     recording.stream.set_log_time_enabled(False)
     recording.stream.set_log_tick_enabled(False)
     recording.stream.set_time(FRAME, sequence=0)
-    log_space(recording, walls, focus)
+    log_surroundings(recording, walls, focus)
     return recording, out
 
 
@@ -187,18 +187,18 @@ def log_view(recording: Recording, frame: int, snapshot: Snapshot, colours: NDAr
     recording.stream.log(GRAINS, points)
 
 
-def log_space(recording: Recording, walls: tuple[WallMesh, ...], focus: blueprints.Focus) -> None:
+def log_surroundings(recording: Recording, walls: tuple[WallMesh, ...], focus: blueprints.Focus) -> None:
     """Write directions, the unit of length, walls and a scale bar."""
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=blueprints.MAGNIFICATION), static=True)
     for wall in walls:
         log_wall(recording, wall)
-    log_scale(recording, "world/scale", focus)
+    log_scale_bar(recording, "world/scale", focus)
 
 
-def log_scale(recording: Recording, entity: str, focus: blueprints.Focus) -> None:
+def log_scale_bar(recording: Recording, entity: str, focus: blueprints.Focus) -> None:
     """Write a scale bar with its length, on the ground in front of what the camera frames; static."""
-    length = 1e-3 * pictures.scale_length(1e3 * SCALE_SHARE * focus.radius)
+    length = 1e-3 * pictures.scale_bar_length(1e3 * SCALE_SHARE * focus.radius)
     x, y, z = focus.centre[0], focus.centre[1] - focus.radius, max(focus.centre[2] - focus.radius, 0.0)
     ends = [[x - 0.5 * length, y, z], [x + 0.5 * length, y, z]]
     bar = rr.LineStrips3D(
@@ -211,25 +211,25 @@ def log_scale(recording: Recording, entity: str, focus: blueprints.Focus) -> Non
     recording.stream.log(entity, bar, static=True)
 
 
-def log_colours(recording: Recording, moving_speed: float) -> None:
+def log_colour_legend(recording: Recording, moving_speed: float) -> None:
     """Write the legend of colours: grains are drawn as moving from a speed [m s-1] on; static."""
     speeds = (moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
     log_image(recording, "legend", pictures.colour_legend(speeds), timeless=True)
 
 
-def log_scene(recording: Recording, name: str, text: str) -> None:
+def log_scene_text(recording: Recording, name: str, text: str) -> None:
     """Write the scene file (TOML) as a static text."""
     page = f"# {name}\n\n```toml\n{text}\n```\n"
     recording.stream.log("scene", rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
-def log_legend(recording: Recording, entity: str, legend: str, colour: pictures.Colour) -> None:
+def log_curve_legend(recording: Recording, entity: str, legend: str, colour: pictures.Colour) -> None:
     """Write legend and colour of a curve."""
     curve = rr.SeriesLines(names=legend, colors=[colour], widths=CURVE_WIDTH)
     recording.stream.log(entity, curve, static=True)
 
 
-def set_time(recording: Recording, time: float, step: int) -> None:
+def set_recording_time(recording: Recording, time: float, step: int) -> None:
     """Set time [s] and step of everything logged from here on."""
     recording.stream.set_time(blueprints.TIMELINE, duration=time)
     recording.stream.set_time("step", sequence=step)
@@ -237,7 +237,7 @@ def set_time(recording: Recording, time: float, step: int) -> None:
 
 def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> None:
     """Write the grains: static ones to world/bed when they have changed, the others to world/mobile."""
-    set_time(recording, snapshot.time, snapshot.step)
+    set_recording_time(recording, snapshot.time, snapshot.step)
     recording.static_grains, is_new = update_static_grains(recording.static_grains, snapshot, moving_speed)
     resting = np.isin(snapshot.ident, recording.static_grains.ident)
     colours = pictures.grain_colours(snapshot, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
@@ -320,20 +320,20 @@ def log_contacts(recording: Recording, network: ContactNetwork) -> None:
     size, widest = network.normal_force, 0.25 * np.linalg.norm(network.branch, axis=1)
     strips = np.stack([network.centre, network.centre - network.branch], axis=1).astype(np.float32)
     lines = rr.LineStrips3D(
-        strips, radii=widest * pictures.force_widths(size), colors=pictures.force_colours(size)
+        strips, radii=widest * pictures.force_line_widths(size), colors=pictures.force_colours(size)
     )
     recording.stream.log(CONTACTS, lines, rr.AnyValues(**columns, walls=list(network.walls)))
 
 
 def log_totals(recording: Recording, totals: Totals) -> None:
     """Write all sums of the totals, and the decades of its energies where they are positive."""
-    set_time(recording, totals.time, totals.step)
+    set_recording_time(recording, totals.time, totals.step)
     entries = {name: value for name, value in asdict(totals).items() if name not in ("time", "step")}
-    log_values(recording, SUMS, entries)
-    log_values(recording, "decades", {e: log10(entries[e]) for e in DECADES if entries[e] > 0.0})
+    log_curve_values(recording, SUMS, entries)
+    log_curve_values(recording, "decades", {e: log10(entries[e]) for e in DECADES if entries[e] > 0.0})
 
 
-def log_values(recording: Recording, folder: str, values: Mapping[str, float]) -> None:
+def log_curve_values(recording: Recording, folder: str, values: Mapping[str, float]) -> None:
     """Write one value to each of the curves of a folder, at the time of the latest frame."""
     for entry, value in values.items():
         recording.stream.log(f"{folder}/{entry}", rr.Scalars(value))
@@ -375,7 +375,7 @@ def log_wall_removed(recording: Recording, name: str) -> None:
     recording.stream.log(wall_entity(name), rr.Clear(recursive=False))
 
 
-def set_properties(recording: Recording, group: str, values: Mapping[str, Any]) -> None:
+def set_run_properties(recording: Recording, group: str, values: Mapping[str, Any]) -> None:
     """Write properties of the run (groups result, scene, doe): columns of rerun's table of runs. No None."""
     properties = {name: value for name, value in values.items() if value is not None}
     if properties:
@@ -400,7 +400,7 @@ def flush(recording: Recording) -> None:
 def close(recording: Recording, properties: Mapping[str, Mapping[str, Any]] | None = None) -> Path:
     """Write properties by group, finish the file and give it its name; closing twice does no harm."""
     for group, values in (properties or {}).items():
-        set_properties(recording, group, values)
+        set_run_properties(recording, group, values)
     part = part_path(recording.path)
     if part.exists():
         flush(recording)

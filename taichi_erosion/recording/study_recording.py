@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.recording import blueprint, pictures, rr, rrb
 from taichi_erosion.recording.blueprint import Focus
 from taichi_erosion.recording.readback import GrainFrame, read_grains
-from taichi_erosion.recording.stream import close, log_scale, open_stream, set_properties
+from taichi_erosion.recording.stream import close, log_scale_bar, open_stream, set_run_properties
 
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
 DESIGN = "design"  # entity with one component for each column of the table of all runs
@@ -59,12 +59,12 @@ def record_study(path: Path, page: StudyPage) -> Path:
         stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     for name, content in page.figures.items():
         stream.log(figure_entity(name), rr.EncodedImage(contents=content, media_type="image/png"))
-    set_properties(recording, "study", page.properties or {})
+    set_run_properties(recording, "study", page.properties or {})
     if page.columns:
         stream.log(DESIGN, rr.AnyValues(False, **page.columns), static=True)
     for run in page.runs:
-        log_scale(recording, f"runs/{run.name}/scale", common_focus(films))
-        set_properties(recording, run.name, run.properties)
+        log_scale_bar(recording, f"runs/{run.name}/scale", common_focus(films))
+        set_run_properties(recording, run.name, run.properties)
         for frame in films[run.name]:
             stream.set_time(blueprint.TIMELINE, duration=frame.time)
             colours = pictures.resting_colours(frame.ident, frame.state.get("kind"))

@@ -18,7 +18,7 @@ from urllib.request import urlopen
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import mark_png, write_atomic
 from taichi_erosion.recording.blueprint import TIMELINE
-from taichi_erosion.recording.readback import NANOSECOND, readable_file
+from taichi_erosion.recording.readback import NANOSECOND, open_whole_messages
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -51,7 +51,7 @@ def quiet_environment() -> dict[str, str]:
 
 
 @contextmanager
-def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen[bytes]]:
+def background_viewer(port: int, *options: str | Path) -> Iterator[subprocess.Popen[bytes]]:
     """A viewer that starts in the background and ends with the context."""
     process = subprocess.Popen(
         viewer_command(port, *options),
@@ -71,7 +71,7 @@ def open_viewer(path: Path) -> int:
 
     Raises BadInput without a screen.
     """
-    with readable_file(path) as whole:
+    with open_whole_messages(path) as whole:
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             named = shlex.quote(str(path))
             others = f"`view {named} --web` serves it to a browser, `snapshot {named} -o PNG` draws it"
@@ -101,12 +101,12 @@ class WebViewer:
 
 
 @contextmanager
-def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
+def serve_web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
     """Serve the viewer on the loopback interface, with a recording or waiting for one."""
-    with readable_file(path) if path else nullcontext() as whole:
+    with open_whole_messages(path) if path else nullcontext() as whole:
         page, sink = free_port(), free_port()
         files = [whole.resolve()] if whole else []
-        with viewer_process(sink, "--serve-web", "--web-viewer-port", str(page), *files):
+        with background_viewer(sink, "--serve-web", "--web-viewer-port", str(page), *files):
             wait_until(
                 lambda: is_listening(page) and is_listening(sink), START_LIMIT, "the web viewer did not start"
             )
@@ -116,7 +116,7 @@ def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
 def viewer_files() -> dict[str, bytes]:
     """Script and compiled program of the viewer for a page of one's own, compressed by gzip."""
     names = ("re_viewer.js", "re_viewer_bg.wasm")
-    with web_viewer() as served:
+    with serve_web_viewer() as served:
         addresses = {name: f"http://{LOOPBACK}:{served.page}/{name}" for name in names}
         return {name: gzip.compress(urlopen(address).read(), 1) for name, address in addresses.items()}
 
@@ -175,8 +175,8 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
     """A viewer without a window that has loaded a recording."""
     port = free_port()
     options = ("--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen")
-    with readable_file(path) as whole, viewer_process(port, *options) as process:
-        client = connect(process, port)
+    with open_whole_messages(path) as whole, background_viewer(port, *options) as process:
+        client = connect_to_viewer(process, port)
         try:
             client.open(str(whole.resolve()))
             wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
@@ -188,7 +188,7 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
         yield client
 
 
-def connect(process: subprocess.Popen[bytes], port: int) -> "ViewerClient":
+def connect_to_viewer(process: subprocess.Popen[bytes], port: int) -> "ViewerClient":
     """Client of a viewer that is starting; without a renderer the viewer ends at once or never answers."""
     from rerun.experimental import ViewerClient
 

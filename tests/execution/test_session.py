@@ -18,7 +18,7 @@ from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import patch_of
 from taichi_erosion.execution.recorder import present_walls
 from taichi_erosion.measures.wind_bed import flux_of
-from taichi_erosion.recording.readback import read_rows
+from taichi_erosion.recording.readback import component_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
 
@@ -186,9 +186,9 @@ def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp
     live.restore_saved_state(session, "tube stands")
     live.run_for_seconds(session, 0.006)
     path, entity = close(recorder.recording), "world/walls/tube"
-    assert read_rows(path, entity, "Clear:is_recursive")
-    assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
-    rows = read_rows(path, entity, "Transform3D:translation")
+    assert component_rows(path, entity, "Clear:is_recursive")
+    assert len(component_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
+    rows = component_rows(path, entity, "Transform3D:translation")
     heights = {row["Transform3D:translation"][0][2]: time for time, row in rows}
     # what the session wrote before it went back has been written over
     assert heights[0.0] == max(heights.values())

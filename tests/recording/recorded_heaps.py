@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot, Totals
-from taichi_erosion.recording.readback import NANOSECOND, POSITION, read_chunks, read_rows
+from taichi_erosion.recording.readback import NANOSECOND, POSITION, component_rows, read_chunks
 from taichi_erosion.recording.stream import Recording, RunHeader, close, log_frame, log_totals, open_recording
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -114,12 +114,12 @@ def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 
 
 def read_frames(path: Path, entity: str) -> list[tuple[float, NDArray[np.float32]]]:
     """Positions [n, 3] m that an entity was given, each with its time [s]."""
-    return [(time * NANOSECOND, row[POSITION]) for time, row in read_rows(path, entity, POSITION)]
+    return [(time * NANOSECOND, row[POSITION]) for time, row in component_rows(path, entity, POSITION)]
 
 
 def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
     """Times [s] and values of a curve, such as ledger/contacts."""
-    rows = read_rows(path, entity, "Scalars:scalars")
+    rows = component_rows(path, entity, "Scalars:scalars")
     times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
     return times, np.array([row["Scalars:scalars"][0] for _, row in rows], dtype=np.float64)
 

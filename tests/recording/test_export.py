@@ -119,8 +119,8 @@ def test_fields_are_read_back_and_become_one_table_over_time_and_height(tmp_path
     path, written = tmp_path / "heap.rrd", [fields_of(0.0, 4), fields_of(0.5, 6)]
     with recorded(path, replace(header(), fields=True)) as opened:
         for frame, one in enumerate(written):
-            stream.set_time(opened, one.time, frame)
-            air_recording.log_fields(opened, one)
+            stream.set_recording_time(opened, one.time, frame)
+            air_recording.log_grain_fields(opened, one)
     found = readback.read_fields(path)
     for one, other in zip(found, written, strict=True):
         np.testing.assert_allclose(one.at["z"], other.at["z"])

@@ -10,7 +10,7 @@ import recorded_heaps as heaps
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import night_background
-from taichi_erosion.recording.readback import read_chunks, read_grains, read_rows
+from taichi_erosion.recording.readback import component_rows, read_chunks, read_grains
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 FRAMES = 20
@@ -33,9 +33,9 @@ def heap(tmp_path_factory) -> Path:
                 stream.log_wall_removed(recording, TUBE.name)
                 stream.log_text(recording, "WARN", "the heap is truncated by the plate")
                 stream.log_image(recording, "silhouette", night_background((30, 20)))
-        stream.set_properties(recording, "doe", {"contact.soil-soil.friction_rolling": 0.3})
+        stream.set_run_properties(recording, "doe", {"contact.soil-soil.friction_rolling": 0.3})
         result = {"repose_angle": 33.5, "flag": None, "n": 3, "straight": True}
-        stream.set_properties(recording, "result", result)
+        stream.set_run_properties(recording, "result", result)
     return path
 
 
@@ -80,12 +80,12 @@ def test_the_recording_carries_its_blueprint_names_properties_and_simulated_time
 
 
 def test_a_wall_is_turned_and_taken_away_at_its_times_and_texts_stand_at_the_frame_before(heap: Path):
-    ((_, pose),) = read_rows(heap, ENTITY, "Transform3D:mat3x3")
+    ((_, pose),) = component_rows(heap, ENTITY, "Transform3D:mat3x3")
     # rerun stores column by column
     np.testing.assert_array_equal(pose["Transform3D:mat3x3"][0].reshape(3, 3).T, QUARTER_TURN)
     written = {"log": "TextLog:text", "silhouette": "EncodedImage:blob", ENTITY: "Clear:is_recursive"}
     for entity, component in written.items():
-        assert [time for time, _ in read_rows(heap, entity, component)] == [20_000_000]
+        assert [time for time, _ in component_rows(heap, entity, component)] == [20_000_000]
     static = {chunk.entity_path for chunk in read_chunks(heap) if chunk.is_static}
     assert "/world/walls/plate" in static
     assert "/" + ENTITY not in static

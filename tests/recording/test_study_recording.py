@@ -48,7 +48,7 @@ def test_every_view_of_a_study_draws(tmp_path: Path, runs: int) -> None:
 @pytest.mark.viewer
 def test_the_page_for_browsers_is_served_to_this_machine_alone(tmp_path: Path) -> None:
     record_heap(tmp_path / "heap.rrd")
-    with viewer.web_viewer(tmp_path / "heap.rrd") as served:
+    with viewer.serve_web_viewer(tmp_path / "heap.rrd") as served:
         with urllib.request.urlopen(f"http://127.0.0.1:{served.page}/", timeout=600.0) as page:
             assert b"<html" in page.read().lower()
         ports = {served.page, served.port}

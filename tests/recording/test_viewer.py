@@ -9,7 +9,7 @@ from viewer_reports import drawing, view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import pictures, stream, viewer
-from taichi_erosion.recording.air_recording import log_profile
+from taichi_erosion.recording.air_recording import log_height_profile
 from taichi_erosion.recording.blueprint import WIND_KINDS
 from taichi_erosion.recording.pictures import silhouette_picture
 
@@ -23,12 +23,12 @@ def record(path: Path, kind: str = "repose") -> Iterator[stream.Recording]:
     with recorded(path, header(kind)) as recording:
         for frame in range(10):
             stream.log_frame(recording, heap_snapshot(frame), MOVING)
-            stream.log_colours(recording, MOVING)
+            stream.log_colour_legend(recording, MOVING)
             stream.log_totals(recording, totals(frame))
             if kind in WIND_KINDS:
-                log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
+                log_height_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
                 told = {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4}
-                stream.log_values(recording, "transport", told)
+                stream.log_curve_values(recording, "transport", told)
         stream.log_text(recording, "INFO", "at rest")
         flank = np.array([[[0.0, 0.0], [59.0, 59.0]]])
         stream.log_image(recording, "silhouette", silhouette_picture(MASK, flank))
