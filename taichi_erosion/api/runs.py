@@ -178,7 +178,7 @@ def sweep(
         where = Path(folder), None, None
         overrides = stated_changes(changes, {}, ())
         over = f"{path}={','.join(entries)}"
-        points = sweeps.sweep(Path(scene), over, overrides, replicas, where=where, progress=report)
+        points = sweeps.sweep_entry(Path(scene), over, overrides, replicas, where=where, progress=report)
     value_of = dict(zip(entries, values, strict=True))
     return frame({path: value_of[row.pop("entry")], **row} for row in map(asdict, points))
 

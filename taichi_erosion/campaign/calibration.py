@@ -67,8 +67,8 @@ def calibrate(
     file = read_calibration_study(path)
     calibration = Calibration(file)
     design = calculate.screening_design(file)
-    calibration.document = {"study": str(path), "until": until, "design": path_document(design)}
-    refuse_foreign_files(file, until, force)
+    calibration.document = {"study": str(path), "until": until, "design": design_rows_document(design)}
+    refuse_foreign_calibration(file, until, force)
     write_design(calibration, "screen", design)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
@@ -98,14 +98,14 @@ def calibrate(
     return calibration
 
 
-def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> None:
+def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool) -> None:
     """Raise BadInput where a step would replace a file that no calibration wrote."""
     pictures = [
         path.name for name in file.study.targets for path in (file.folder / PICTURES).glob(f"*_{name}.png")
     ]
     last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
     for scene in file.scenes if until == STEPS[-1] else []:
-        refuse_foreign_file(calibrated_path(file, scene), file.path, force)
+        refuse_foreign_file(calibrated_scene_path(file, scene), file.path, force)
     tables = TABLES[:1] if until == "design" else TABLES
     ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
 
@@ -113,17 +113,17 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
 def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
     document, labels = calibration.document, calibration.file.labels
-    screening = calculate.screen(runner)
+    screening = calculate.run_screening(runner)
     write_design(calibration, "screen", screening.design)
-    document["screen"] = path_document(screening.design)
+    document["screen"] = design_rows_document(screening.design)
     if "analyse" in steps:
         responses = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
         document["analyse"] = {"responses": responses, "kept": [factor.path for factor in screening.leading]}
     if "climb" not in steps:
         return
-    path = calibration.climb = calculate.climb(runner, screening)
+    path = calibration.climb = calculate.climb_steepest_path(runner, screening)
     write_design(calibration, "climb", path.design)
-    document["climb"] = path_document(path.design) | {"best": path.best + 1}
+    document["climb"] = design_rows_document(path.design) | {"best": path.best + 1}
     if "surface" not in steps:
         return
     factors = calculate.surface_factors(runner, screening, path)
@@ -145,7 +145,7 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
     }
     values = calculate.complete_settings(calibration.file, design.settings(0)).items()
     rounded = {path: float(f"{value:.{DIGITS}g}") for path, value in values}
-    overrides = calculate.changes_of(calibration.file, rounded)
+    overrides = calculate.scene_changes(calibration.file, rounded)
     paths = [write_calibrated_scene(calibration.file, scene, overrides) for scene in calibration.file.scenes]
     document["calibrated_scenes"] = [str(path) for path in paths]
 
@@ -155,7 +155,7 @@ def write_design(calibration: Calibration, name: str, design: Design) -> Path:
     return ListedFolder(calibration.file.folder).write(f"{name}.csv", design_text(design).encode())
 
 
-def path_document(design: Design) -> Document:
+def design_rows_document(design: Design) -> Document:
     """Settings and responses row by row."""
     rows = [
         {
@@ -170,7 +170,7 @@ def path_document(design: Design) -> Document:
 def effect_document(fit: fits.Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
     bent = curvature(fit)
-    effect_list, limits = calculate.screened_effects(fit)
+    effect_list, limits = calculate.effects_and_limits(fit)
     ordered = sorted(effect_list, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": fits.term_label(effect.name, labels)} for effect in ordered],
@@ -216,7 +216,7 @@ def optimum_document(optimisation: Optimisation) -> Document:
     }
 
 
-def calibrated_path(file: CalibrationStudy, scene: Path) -> Path:
+def calibrated_scene_path(file: CalibrationStudy, scene: Path) -> Path:
     """Calibrated scene in the folder of the study; beside the old one where that has mesh files."""
     if any(isinstance(wall, Mesh) for wall in read_scene(scene, ()).geometry.values()):
         return scene.with_name(f"{scene.stem}_{file.path.stem}_calibrated.toml")
@@ -243,5 +243,5 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
     body = remove_mark(text if is_same else tomlkit.dumps(resolve(after)))
     last = "with the numbers that its last step confirmed"
     head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
-    path = calibrated_path(file, scene)
+    path = calibrated_scene_path(file, scene)
     return write_atomic(path, mark_toml(path, file.path, head + body))

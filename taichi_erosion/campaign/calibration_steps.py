@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import SIMULATE, execute
+from taichi_erosion.campaign.execute import SIMULATE, run_requests
 from taichi_erosion.campaign.ledger import Ledger
 from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
@@ -75,7 +75,7 @@ def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> desi
     settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
     requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
     place, count = runner.stages.index(stage), len(runner.stages)  # every stage counts alike
-    results = execute(
+    results = run_requests(
         requests,
         runner.ledger,
         workers=runner.workers.workers,
@@ -102,7 +102,7 @@ def complete_settings(file: CalibrationStudy, settings: dict[str, float]) -> dic
     return centres | settings
 
 
-def changes_of(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
+def scene_changes(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
     """PATH=VALUE changes of a scene, those that hold for all runs first."""
     entries = file.study.parameters
     links = {path: value for main, value in settings.items() for path in entries[main].also}
@@ -121,10 +121,10 @@ def design_request(
             "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
             "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
         }
-    return scene_request(scene, changes_of(file, settings), seed, file.effect_files, **extra)
+    return scene_request(scene, scene_changes(file, settings), seed, file.effect_files, **extra)
 
 
-def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
+def effects_and_limits(fit: Fit) -> tuple[list[Effect], EffectLimits]:
     """Effects in the order of the terms, and their limits; without centre points those of the plain model.
 
     With a centre: the same model on the corners alone, its error that of the model with the curvature.
@@ -170,31 +170,31 @@ def screening_design(file: CalibrationStudy) -> designs.Design:
     return designs.plackett_burman(factors, centre_points=study.design.screen_centre, seed=study.study.seed)
 
 
-def screen(runner: DesignRunner) -> Screening:
+def run_screening(runner: DesignRunner) -> Screening:
     """Run and analyse the screening."""
     study = runner.file.study
     design = run_design(runner, "screen", screening_design(runner.file))
     fits = {name: fit_model(design, name, "linear") for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
-    sizes = [np.abs(slopes(fit)) / (fit.values.std() or 1.0) for fit in fits.values()]
+    sizes = [np.abs(response_slopes(fit)) / (fit.values.std() or 1.0) for fit in fits.values()]
     order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
     return Screening(design, fits, tuple(design.factors[place] for place in order))
 
 
-def slopes(fit: Fit) -> Floats:
+def response_slopes(fit: Fit) -> Floats:
     """Response to one coded unit of every factor."""
-    return np.array([0.5 * effect.value for effect in screened_effects(fit)[0]])
+    return np.array([0.5 * effect.value for effect in effects_and_limits(fit)[0]])
 
 
-def climb(runner: DesignRunner, screening: Screening) -> Climb:
+def climb_steepest_path(runner: DesignRunner, screening: Screening) -> Climb:
     """Run the steepest path from the centre of the screening towards the first target."""
     study = runner.file.study
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
-    upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
+    upwards = target.value >= mean_centre_response(screening.design, name, float(fit.coefficients[0]))
     design = designs.steepest_path(
         screening.leading,
-        slopes(fit)[[fit.factors.index(factor) for factor in screening.leading]],
+        response_slopes(fit)[[fit.factors.index(factor) for factor in screening.leading]],
         steps=study.design.climb_steps + 1,
         step=study.design.climb_step if upwards else -study.design.climb_step,
         limits={path: entry.limits for path, entry in study.parameters.items()},
@@ -206,7 +206,7 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
     return Climb(design, int(np.nanargmin(distance)))
 
 
-def centre_value(design: designs.Design, name: str, otherwise: float) -> float:
+def mean_centre_response(design: designs.Design, name: str, otherwise: float) -> float:
     """Mean response of the centre points, where the path begins; a curved surface lies far from its plane."""
     finite = design.responses[name][np.array(design.kinds) == "centre"]
     finite = finite[np.isfinite(finite)]

@@ -36,7 +36,7 @@ from taichi_erosion.core.setup import Arch, usable_cores
 from taichi_erosion.execution import Report
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
-SIMULATE = "taichi_erosion.campaign.request:simulating"
+SIMULATE = "taichi_erosion.campaign.request:simulation_function"
 HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
 NEARLY = 0.95  # of its work, most that a run counts which has not ended [1]
@@ -75,7 +75,7 @@ class Campaign:
     heartbeat: float = field(default_factory=time.monotonic)  # time of the last heartbeat
 
 
-def execute(
+def run_requests(
     requests: Sequence[RunRequest],
     ledger: Ledger,
     workers: int | None = None,
@@ -105,7 +105,7 @@ def execute(
             while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
                 submit_batches(campaign, remaining)
                 for outcome in pool.finished_batches(POLL):
-                    enter_batch(campaign, outcome)
+                    record_batch_outcome(campaign, outcome)
                 if time.monotonic() - campaign.heartbeat > HEARTBEAT:
                     campaign.heartbeat = time.monotonic()
                     ledgers.renew_leases(ledger)
@@ -135,7 +135,7 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
             campaign.starts |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def enter_batch(campaign: Campaign, outcome: FinishedBatch) -> None:
+def record_batch_outcome(campaign: Campaign, outcome: FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
     ledger, keys = campaign.ledger, outcome.batch.keys
     for place, record in outcome.records:

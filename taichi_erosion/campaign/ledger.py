@@ -51,20 +51,20 @@ class Database:
 
     def rows(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
         """Rows that a query finds."""
-        with readable_errors(self.path, self.kind):
+        with translate_errors(self.path, self.kind):
             return self.connection.execute(query, values).fetchall()
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """One transaction; what fails leaves the file as it was."""
-        with readable_errors(self.path, self.kind), self.connection:
+        with translate_errors(self.path, self.kind), self.connection:
             self.connection.execute("BEGIN IMMEDIATE")
             yield self.connection
 
 
 def open_database(path: Path, kind: str, table: str) -> Database:
     """Open a database of runs, made where there is none. Raises BadInput where that is impossible."""
-    with readable_errors(path, kind):
+    with translate_errors(path, kind):
         path.parent.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
         connection.execute(table)
@@ -72,7 +72,7 @@ def open_database(path: Path, kind: str, table: str) -> Database:
 
 
 @contextmanager
-def readable_errors(path: Path, kind: str) -> Iterator[None]:
+def translate_errors(path: Path, kind: str) -> Iterator[None]:
     """Errors of the file system and of SQLite in the user's words."""
     try:
         yield
@@ -135,12 +135,12 @@ def release_stale_leases(ledger: Ledger) -> None:
     query = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
     for owner, last in ledger.database.rows(query):
         machine, _, process = owner.rpartition(":")
-        is_dead = machine == socket.gethostname() and not is_alive(int(process))
+        is_dead = machine == socket.gethostname() and not process_exists(int(process))
         if owner != ledger.owner and (is_dead or time.time() - last > LEASE):
             release_leases(ledger, owner)
 
 
-def is_alive(process: int) -> bool:
+def process_exists(process: int) -> bool:
     """Whether a process of this machine exists."""
     try:
         os.kill(process, 0)

@@ -54,7 +54,7 @@ class FinishedBatch:
     is_worker_dead: bool = False  # the worker is gone
 
 
-def named_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
+def resolve_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
     """The context manager of "module:function"."""
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)
@@ -63,12 +63,12 @@ def named_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
 WORKER: list[tuple[RunFunction, Ledger]] = []  # of this process, where it is a local worker
 
 
-def start_work(name: str, folder: Path) -> None:
+def start_local_worker(name: str, folder: Path) -> None:
     """First call in a local worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
     threading.Thread(target=end_with_parent, daemon=True).start()
     left_at_end = ExitStack()
-    WORKER.append((left_at_end.enter_context(named_work(name)()), open_ledger(folder)))
+    WORKER.append((left_at_end.enter_context(resolve_work(name)()), open_ledger(folder)))
     Finalize(None, left_at_end.close, exitpriority=0)
 
 
@@ -84,19 +84,19 @@ def run_in_local_worker(batch: Batch) -> Records:
     """A batch in a local worker."""
     ((run, ledger),), records = WORKER, Records()
 
-    def keep(place: int, record: dict[str, Any]) -> None:
+    def keep_record(place: int, record: dict[str, Any]) -> None:
         records.append((place, record))
         with suppress(BadInput):  # the parent enters it again and says why that fails
             record_result(ledger, batch.keys[place], record)
 
-    run(batch.payloads, keep)
+    run(batch.payloads, keep_record)
     return records
 
 
 def run_on_dask(name: str, batch: Batch) -> Records:
     """A batch on a Dask worker."""
     records: Records = []
-    with named_work(name)() as run:
+    with resolve_work(name)() as run:
         run(batch.payloads, lambda place, record: records.append((place, record)))
     return records
 
@@ -123,7 +123,7 @@ class Pool:
     def start(self) -> None:
         """Spawn a worker."""
         before = set(multiprocessing.active_children())
-        executor = ProcessPoolExecutor(1, SPAWN, start_work, (self.function, self.folder))
+        executor = ProcessPoolExecutor(1, SPAWN, start_local_worker, (self.function, self.folder))
         executor.submit(os.getpid)  # an executor starts its process with its first task
         (self.processes[executor],) = set(multiprocessing.active_children()) - before
 

@@ -88,7 +88,7 @@ def request_of(
 
     It carries the text of effect files: a worker elsewhere need not have them, and executes what was hashed.
     """
-    numerics = numerics_of(scene, device)
+    numerics = scene_numerics(scene, device)
     payload = {
         "scene": resolve(scene),
         "folder": str(scene.folder.resolve()),
@@ -104,13 +104,13 @@ def request_of(
     group = checks.compatibility_key(scene)
     key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
     if numerics.arch == "cpu":
-        return RunRequest(key, payload, group + mark, work_of(scene))
+        return RunRequest(key, payload, group + mark, work_estimate(scene))
     grains = scene.grains.count
     most = max(DEVICE_GRAINS // grains, 1)
-    return RunRequest(key, payload, f"{group}{mark}-{grains}", work_of(scene), most, numerics.arch)
+    return RunRequest(key, payload, f"{group}{mark}-{grains}", work_estimate(scene), most, numerics.arch)
 
 
-def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
+def scene_numerics(scene: Scene, device: WorkersEntry) -> Numerics:
     """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
     if device.arch == "cpu" and device.decomposition != "grains":  # and no compiler is imported
         return Numerics("cpu", THREADS, scene.run.precision, device.decomposition)
@@ -125,7 +125,7 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
     return numerics
 
 
-def work_of(scene: Scene) -> float:
+def work_estimate(scene: Scene) -> float:
     """Most steps of contact spheres that a run of this scene can take, after its effects."""
     from taichi_erosion.simulation.scene_setup import effective_scene  # only here: it loads Taichi
 
@@ -136,7 +136,7 @@ def work_of(scene: Scene) -> float:
 
 
 @contextmanager
-def simulating() -> Iterator[RunFunction]:
+def simulation_function() -> Iterator[RunFunction]:
     """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.core.effect_file import compile_failure_text
@@ -146,7 +146,7 @@ def simulating() -> Iterator[RunFunction]:
 
     previous: Simulation | None = None
 
-    def replica(payload: dict[str, Any]) -> ReplicaRequest:
+    def replica_request(payload: dict[str, Any]) -> ReplicaRequest:
         scene = parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"]))
         files = tuple(EffectFile(Path(path), text) for path, text in payload["effect_files"])
         return ReplicaRequest(
@@ -158,7 +158,7 @@ def simulating() -> Iterator[RunFunction]:
 
     def simulate_batch(payloads: Payloads, send_record: SendRecord) -> None:
         nonlocal previous
-        parts = [replica(payload) for payload in payloads]
+        parts = [replica_request(payload) for payload in payloads]
         precision, way = parts[0].scene.run.precision, payloads[0]
         numerics = Numerics(way["arch"], THREADS, precision, way["decomposition"])
         before, previous = previous, None  # fields of an ensemble that breaks off are not used again

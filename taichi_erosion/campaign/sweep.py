@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import RunResult, scene_request
 from taichi_erosion.core.errors import BadInput
@@ -32,7 +32,7 @@ class SweepPoint:
     note: str  # why seeds gave none, or what a value lacks
 
 
-def parse_over(over: str) -> tuple[str, list[str]]:
+def parse_sweep_values(over: str) -> tuple[str, list[str]]:
     """Path and values of `PATH=a,b,c`. Raises BadInput."""
     path, _, text = over.partition("=")
     values = [value.strip() for value in text.split(",")]
@@ -41,7 +41,7 @@ def parse_over(over: str) -> tuple[str, list[str]]:
     return path.strip(), values
 
 
-def sweep(
+def sweep_entry(
     scene: Path,
     over: str,
     overrides: Sequence[str] = (),
@@ -54,7 +54,7 @@ def sweep(
 
     Runs that stand in the ledger are not made again. Raises BadInput for what cannot run.
     """
-    path, values = parse_over(over)
+    path, values = parse_sweep_values(over)
     files, (folder, workers, scheduler) = named_effects(effect_files), where
     entries = [(*overrides, f"{path}={value}") for value in values]
     first = read_scene(scene, entries[0], files)
@@ -65,7 +65,7 @@ def sweep(
     make_parent_folder(folder / TABLE)
     ledger = open_ledger(folder)
     try:
-        results = execute(requests, ledger, workers, scheduler, progress)
+        results = run_requests(requests, ledger, workers, scheduler, progress)
     finally:
         close_ledger(ledger)
     rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
@@ -100,7 +100,7 @@ def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
 
 def write_sweep(folder: Path, over: str, points: Sequence[SweepPoint], figure: bytes) -> list[Path]:
     """Write table and figure."""
-    table = pd.DataFrame(map(asdict, points)).rename(columns={"entry": parse_over(over)[0]})
+    table = pd.DataFrame(map(asdict, points)).rename(columns={"entry": parse_sweep_values(over)[0]})
     text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     files = {TABLE: text.encode(), FIGURE: figure}
     return [ListedFolder(folder).write(name, content) for name, content in files.items()]

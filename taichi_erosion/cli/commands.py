@@ -194,13 +194,13 @@ def sweep(
     from taichi_erosion.measures.result import without_nan
     from taichi_erosion.report.figure_style import raster, sweep_figure
 
-    path, _ = sweeps.parse_over(over)
+    path, _ = sweeps.parse_sweep_values(over)
     folder = out or Path("recordings") / f"{scene.stem}-{path}"
     ListedFolder(folder).refuse_foreign((sweeps.TABLE, sweeps.FIGURE), force)
     options = typed_options(replicas=replicas, effect_files=effect)
     with reporting("sweeping") as progress:
         where = folder, workers, scheduler
-        points = sweeps.sweep(scene, over, override or (), **options, where=where, progress=progress)
+        points = sweeps.sweep_entry(scene, over, override or (), **options, where=where, progress=progress)
     curves: dict[str, list[tuple[str, float, float]]] = {}
     for one in [point for point in points if isfinite(point.value)] or points:
         curves.setdefault(f"{one.measure} [{one.unit}]", []).append((one.entry, one.value, one.sd))

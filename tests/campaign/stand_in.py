@@ -103,10 +103,10 @@ def opened(folder: Path) -> Iterator[Ledger]:
 
 def carry_out(folder: Path, listed: list[RunRequest], **words: Any) -> list[RunResult]:
     """Results of runs that go through a ledger and two workers."""
-    from taichi_erosion.campaign.execute import execute
+    from taichi_erosion.campaign.execute import run_requests
 
     with opened(folder) as store:
-        return execute(listed, store, **{"workers": 2, "function": FUNCTION} | words)
+        return run_requests(listed, store, **{"workers": 2, "function": FUNCTION} | words)
 
 
 if __name__ == "__main__":  # a parent in a process of its own

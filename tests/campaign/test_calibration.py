@@ -98,7 +98,7 @@ def test_every_step_finds_what_the_closed_form_hides(found):
     ],
 )
 def test_every_design_finds_the_same_optimum(found, tmp_path, monkeypatch, entries, runs, furthest):
-    monkeypatch.setattr(calibration_steps, "execute", closed_form.execute_here)
+    monkeypatch.setattr(calibration_steps, "run_requests", closed_form.execute_here)
     other = calibrate(write_study(tmp_path, design=STUDY["design"] | entries, parameters=WIDE))
     assert len(other.surface.design) == runs
     assert np.abs(other.surface.design.coded).max() == furthest

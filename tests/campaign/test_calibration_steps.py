@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.campaign.calibration_steps import centre_value, screened_effects
+from taichi_erosion.campaign.calibration_steps import effects_and_limits, mean_centre_response
 from taichi_erosion.experiments.anova import effects
 from taichi_erosion.experiments.design import Factor, plackett_burman
 from taichi_erosion.experiments.fit import fit_model, model_terms
@@ -23,7 +23,7 @@ def screened(centre_points: int = 4, seed: int = 3):
 
 def test_a_bent_response_leaves_effects_and_their_certainty_alone():
     fit = fit_model(screened(), "angle", model_terms(9, "linear"))
-    found, limits = screened_effects(fit)
+    found, limits = effects_and_limits(fit)
     # standard error of an effect of 12 runs: 2 sd / sqrt(12)
     assert found[0].value == pytest.approx(2.0 * SLOPE, abs=4.0 * 2.0 * NOISE / 12**0.5)
     assert found[0].p < 0.01
@@ -34,11 +34,11 @@ def test_a_bent_response_leaves_effects_and_their_certainty_alone():
 def test_idle_factors_seldom_pass_the_limit_of_all_at_once():
     passed = 0
     for seed in range(100):
-        found, limits = screened_effects(fit_model(screened(seed=seed), "angle", model_terms(9, "linear")))
+        found, limits = effects_and_limits(fit_model(screened(seed=seed), "angle", model_terms(9, "linear")))
         passed += max(abs(one.value) for one in found[1:]) > limits.bonferroni
     assert passed <= 11  # at most one in twenty is expected; more than 11 of 100 come by chance once in 200
 
 
 def test_a_path_begins_at_the_centre_and_not_at_the_mean_of_the_corners():
-    assert centre_value(screened(), "angle", 20.0) == pytest.approx(20.0 + BEND, abs=3.0 * NOISE)
-    assert centre_value(screened(centre_points=0), "angle", 20.0) == 20.0
+    assert mean_centre_response(screened(), "angle", 20.0) == pytest.approx(20.0 + BEND, abs=3.0 * NOISE)
+    assert mean_centre_response(screened(centre_points=0), "angle", 20.0) == 20.0

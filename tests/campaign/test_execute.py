@@ -65,7 +65,7 @@ def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     listed = on_device(tmp_path, "cuda")
     with opened(tmp_path) as ledger:
         with pytest.raises(BadInput, match="--arch cuda: no such device"):
-            execution.execute(listed, ledger, function=stand_in.FUNCTION)
+            execution.run_requests(listed, ledger, function=stand_in.FUNCTION)
         assert len(unfinished_runs(ledger, [request.key for request in listed])) == 4
 
 

@@ -13,8 +13,8 @@ import pytest
 from stand_in import carry_out, opened, processes, requests, starts, table
 
 from taichi_erosion.campaign import ledger as ledger
-from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import is_alive, open_ledger
+from taichi_erosion.campaign.execute import run_requests
+from taichi_erosion.campaign.ledger import open_ledger, process_exists
 from taichi_erosion.core.errors import BadInput
 
 RUNS = 120
@@ -73,7 +73,7 @@ def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(
     wait_for(lambda: len(starts(tmp_path)) > 20)
     parent.send_signal(signal.SIGKILL)
     parent.communicate()
-    wait_for(lambda: not any(is_alive(process) for process in processes(tmp_path)))
+    wait_for(lambda: not any(process_exists(process) for process in processes(tmp_path)))
     assert_goes_on(tmp_path, undisturbed)
 
 
@@ -87,7 +87,7 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
         with pytest.raises(
             BadInput, match=r"ledger\.sqlite: the ledger cannot be used \(database or disk is full"
         ):
-            execute(listed, store, workers=2, function="stand_in:without_ledger")
+            run_requests(listed, store, workers=2, function="stand_in:without_ledger")
     assert_goes_on(tmp_path, undisturbed)
 
 

@@ -5,7 +5,7 @@ from execution.small_scene import TAPPED, WET, write_scene
 from recorded_heaps import read_properties
 from stand_in import opened
 
-from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.device import stop_device
@@ -36,7 +36,7 @@ def results(folder):
         scene_request(scene, HASTY, 3),
     ]
     with opened(folder / "campaign") as store:
-        return execute(requests, store, workers=1)
+        return run_requests(requests, store, workers=1)
 
 
 @pytest.mark.parametrize(("place", "orders", "seed"), [(0, (), 3), (1, (ROUGH, *WET, *TAPPED), 4)])

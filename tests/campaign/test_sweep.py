@@ -31,8 +31,8 @@ def simulated(requests: list[RunRequest], ledger, workers, scheduler, progress) 
 
 @pytest.fixture
 def points(monkeypatch, tmp_path):
-    monkeypatch.setattr(sweeps, "execute", simulated)
-    found = sweeps.sweep(SCENE, OVER, ("run.seed=1",), 4, where=(tmp_path / "out", None, None))
+    monkeypatch.setattr(sweeps, "run_requests", simulated)
+    found = sweeps.sweep_entry(SCENE, OVER, ("run.seed=1",), 4, where=(tmp_path / "out", None, None))
     return [one for one in found if one.measure == "pile_height"]
 
 
@@ -46,7 +46,7 @@ def test_every_value_has_its_mean_scatter_and_number_of_seeds(points):
 
 
 def test_python_has_the_same_points_by_the_values_of_the_entry(monkeypatch, tmp_path):
-    monkeypatch.setattr(sweeps, "execute", simulated)
+    monkeypatch.setattr(sweeps, "run_requests", simulated)
     path, values = "contact.grain-grain.friction_sliding", [0.1, 0.4]
     table = te.sweep(SCENE, path, values, {"run.seed": 1}, 4, folder=tmp_path)
     heights = table[table["measure"] == "pile_height"].set_index(path)
@@ -65,10 +65,10 @@ def test_the_table_holds_the_points(points, tmp_path):
 @pytest.mark.parametrize("over", ["friction", "a=1", "a=1,", "a=1,1", "=1,2", "a=[1,2],[3,4]"])
 def test_an_order_that_is_no_list_of_values_is_refused(over):
     with pytest.raises(BadInput, match="PATH=a,b,c"):
-        sweeps.parse_over(over)
+        sweeps.parse_sweep_values(over)
 
 
 def test_a_wrong_path_is_refused_before_anything_runs(tmp_path):
     with pytest.raises(BadInput, match="friction_slidin"):
-        sweeps.sweep(SCENE, "contact.grain-grain.friction_slidin=0.1,0.2", where=(tmp_path, None, None))
+        sweeps.sweep_entry(SCENE, "contact.grain-grain.friction_slidin=0.1,0.2", where=(tmp_path, None, None))
     assert not list(tmp_path.iterdir())

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from small_scene import write_scene
 
-from taichi_erosion.campaign.request import request_of, simulating
+from taichi_erosion.campaign.request import request_of, simulation_function
 from taichi_erosion.cli.effects import render
 from taichi_erosion.execution import ensemble
 from taichi_erosion.execution.checks import library_of, read_scene
@@ -42,7 +42,7 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     (scene.parent / "glue.py").unlink()
     received = []
     monkeypatch.setattr(ensemble, "run_replicas_reusing_buffers", lambda _, runs, *__: received.extend(runs))
-    with simulating() as run:
+    with simulation_function() as run:
         run([asked.payload], lambda place, record: None)
     (part,) = received
     assert asked.key.startswith(scene_hash(part.scene))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
@@ -306,7 +306,7 @@ def execute_requests(
 ) -> list[RunResult]:
     """Results of some runs of a study; simulates what is not in its ledger."""
     campaign = training.study.file.campaign
-    return execute(
+    return run_requests(
         requests,
         training.simulator.shared_ledger(),
         workers=campaign.workers,

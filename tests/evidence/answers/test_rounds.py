@@ -54,7 +54,7 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
     runs: list[list[str]] = []
     process = gaussian_process.GaussianProcess
     with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
-        patch.setattr(training_runs, "execute", executing(runs))
+        patch.setattr(training_runs, "run_requests", executing(runs))
         if wrong:
             exact = process.mean  # overstated in what the first effect does, without knowing it
             patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
@@ -79,7 +79,7 @@ def test_the_large_plan_is_simulated_where_the_small_one_does_not_decide(tmp_pat
 
 def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(tmp_path, monkeypatch):
     runs: list[list[str]] = []
-    monkeypatch.setattr(training_runs, "execute", executing(runs))
+    monkeypatch.setattr(training_runs, "run_requests", executing(runs))
     with open_study(write(tmp_path, STRONG, seed=5)) as study:
         waits = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
         question = rounds.discovery_question(waits, bare)

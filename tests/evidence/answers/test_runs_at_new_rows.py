@@ -16,7 +16,7 @@ from tests.evidence.small_study import write_study
 def ask(tmp_path, monkeypatch):
     """Predictions at rows of angularity and diameter, and the runs that they took for the first time."""
     path, at, batches = write(tmp_path, 0.0), tmp_path / "at.csv", []
-    monkeypatch.setattr(training_runs, "execute", executing(batches))
+    monkeypatch.setattr(training_runs, "run_requests", executing(batches))
 
     def asked(*rows: str, options=QUICK):
         at.write_text("\n".join(["angularity,diameter [mm]", *rows]) + "\n", encoding="utf-8")

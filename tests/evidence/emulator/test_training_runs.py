@@ -85,7 +85,7 @@ def executing(batches: list[list[str]]):
 def asked(monkeypatch):
     """Keys of the runs that reach the campaign, batch by batch."""
     batches: list[list[str]] = []
-    monkeypatch.setattr(training_runs, "execute", executing(batches))
+    monkeypatch.setattr(training_runs, "run_requests", executing(batches))
     return batches
 
 
@@ -126,7 +126,7 @@ def loop(tmp_path_factory) -> SimpleNamespace:
     ):
         runs[name] = []
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(training_runs, "execute", executing(runs[name]))
+            patch.setattr(training_runs, "run_requests", executing(runs[name]))
             replies[name] = ask(*words, options=options).record
     return SimpleNamespace(**replies, runs=runs, cost=cost[0])
 
@@ -196,7 +196,7 @@ def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(
         stopped = replace(results[0], record={}, failure="grains overlap")
         return [stopped if place % 4 == 0 else made for place, made in enumerate(results)]
 
-    monkeypatch.setattr(training_runs, "execute", execute)
+    monkeypatch.setattr(training_runs, "run_requests", execute)
     text = STUDY.replace("[observables.centroid_height]", "[observables.centroid_height]\nsame_size = true")
     found = ask("discover", write(tmp_path, 1.5, text), options=QUICK)
     stops, small = found.about["faults"]
@@ -220,7 +220,7 @@ def test_an_effect_whose_strong_runs_stop_is_told_and_not_excluded(tmp_path, mon
             for made, lost in zip(results, strong, strict=True)
         ]
 
-    monkeypatch.setattr(training_runs, "execute", execute)
+    monkeypatch.setattr(training_runs, "run_requests", execute)
     found = ask("discover", write(tmp_path, 0.0), options=QUICK)
     assert found.record.effects["dry_adhesion"].status == ("untestable" if stops else "excluded")
     told = [fault["sentence"] for fault in found.about["faults"] if fault["kind"] == "failed_runs"]
