@@ -20,8 +20,8 @@ from taichi_erosion.core.files import ListedFolder, mark_toml, refuse_foreign_fi
 from taichi_erosion.execution import Report
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments import fit as fits
-from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.design import Design, design_text
+from taichi_erosion.experiments.anova import anova, curvature_test
+from taichi_erosion.experiments.design import Design, design_csv
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.scene import resolve, scene_hash
 from taichi_erosion.scene.load import parse_scene, read_text_of_file
@@ -152,7 +152,7 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
 
 def write_design(calibration: Calibration, name: str, design: Design) -> Path:
     """Write a design with its responses as a CSV table."""
-    return ListedFolder(calibration.file.folder).write(f"{name}.csv", design_text(design).encode())
+    return ListedFolder(calibration.file.folder).write(f"{name}.csv", design_csv(design).encode())
 
 
 def design_rows_document(design: Design) -> Document:
@@ -169,14 +169,14 @@ def design_rows_document(design: Design) -> Document:
 
 def effect_document(fit: fits.Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
-    bent = curvature(fit)
+    bent = curvature_test(fit)
     effect_list, limits = calculate.effects_and_limits(fit)
     ordered = sorted(effect_list, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": fits.term_label(effect.name, labels)} for effect in ordered],
         "limits": asdict(limits),
         "curvature": None if bent is None else asdict(bent),
-        "quality": asdict(fits.quality(fit)),
+        "quality": asdict(fits.figures_of_merit(fit)),
     }
 
 
@@ -187,11 +187,11 @@ def surface_document(surface: ResponseSurface, labels: Mapping[str, str]) -> Doc
         smaller = surface.fits[name]
         document[name] = {
             "anova": [asdict(row) | {"label": fits.term_label(row.source, labels)} for row in anova(full)],
-            "quality": asdict(fits.quality(full)),
-            "quality_reduced": asdict(fits.quality(smaller)),
-            "coded": fits.equation(full, fits.coded_polynomial(full)),
-            "coded_reduced": fits.equation(smaller, fits.coded_polynomial(smaller)),
-            "natural_reduced": fits.equation(smaller, fits.natural_polynomial(smaller)),
+            "quality": asdict(fits.figures_of_merit(full)),
+            "quality_reduced": asdict(fits.figures_of_merit(smaller)),
+            "coded": fits.equation_text(full, fits.coded_polynomial(full)),
+            "coded_reduced": fits.equation_text(smaller, fits.coded_polynomial(smaller)),
+            "natural_reduced": fits.equation_text(smaller, fits.natural_polynomial(smaller)),
             "warning": fits.overfit_warning(smaller),
         }
     return {"ranges": {f.path: (f.low, f.high) for f in surface.design.factors}, "responses": document}

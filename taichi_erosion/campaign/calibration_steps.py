@@ -34,8 +34,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.execution import Report
 from taichi_erosion.experiments import design as designs
-from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, eliminate_backward
-from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
+from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature_test, effects, eliminate_terms
+from taichi_erosion.experiments.confirm import Confirmation, Sample, welch_test
 from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfit_warning
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
@@ -130,7 +130,7 @@ def effects_and_limits(fit: Fit) -> tuple[list[Effect], EffectLimits]:
     With a centre: the same model on the corners alone, its error that of the model with the curvature.
     """
     corner = np.any(np.abs(fit.coded) > designs.SAME_POINT, axis=1)
-    bent = curvature(fit)
+    bent = curvature_test(fit)
     part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
     if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
         return effects(fit)
@@ -192,7 +192,7 @@ def climb_steepest_path(runner: DesignRunner, screening: Screening) -> Climb:
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
     upwards = target.value >= mean_centre_response(screening.design, name, float(fit.coefficients[0]))
-    design = designs.steepest_path(
+    design = designs.steepest_ascent(
         screening.leading,
         response_slopes(fit)[[fit.factors.index(factor) for factor in screening.leading]],
         steps=study.design.climb_steps + 1,
@@ -254,7 +254,7 @@ def fit_response_surface(runner: DesignRunner, factors: list[designs.Factor]) ->
     refuse_star_outside_limits(runner.file, planned)
     design = run_design(runner, "surface", planned)
     full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
-    smaller = {name: eliminate_backward(fit) for name, fit in full.items()}
+    smaller = {name: eliminate_terms(fit) for name, fit in full.items()}
     return ResponseSurface(
         design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()}
     )
@@ -279,7 +279,7 @@ def confirm_optimum(
     planned = designs.stack_parts("confirmation", surface.design.factors, [("added", points)])
     design = run_design(runner, "confirm", planned)
     tests = {
-        name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
+        name: welch_test(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
         for name, target in study.targets.items()
     }
     return design, tests

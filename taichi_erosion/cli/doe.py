@@ -41,10 +41,10 @@ def audit(
     as_json: AsJson = False,
 ) -> None:
     """Check a published design: orthogonality, cell that restores it, sums of squares, target."""
-    from taichi_erosion.experiments.audit import as_document
-    from taichi_erosion.experiments.audit import audit as examine
+    from taichi_erosion.experiments.audit import audit_document
+    from taichi_erosion.experiments.audit import audit_table as examine
 
-    output.print_result(as_document(examine(table, response, claims)), as_json, print_audit)
+    output.print_result(audit_document(examine(table, response, claims)), as_json, print_audit)
 
 
 def print_audit(document: output.Record) -> None:

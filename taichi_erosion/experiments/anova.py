@@ -25,7 +25,7 @@ from statsmodels.regression.linear_model import OLS
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design import SAME_POINT
-from taichi_erosion.experiments.fit import EXACT, Fit, Term, model_matrix, parents
+from taichi_erosion.experiments.fit import EXACT, Fit, Term, lower_order_terms, model_matrix
 
 
 @dataclass(frozen=True)
@@ -52,37 +52,37 @@ class Curvature:
     ms_error: float
 
 
-def replicate_error(fit: Fit) -> Row:
+def pure_error_row(fit: Fit) -> Row:
     """Pure error: scatter of the runs that stand at one point."""
     keys = np.round(fit.coded / SAME_POINT) + 0.0  # -0.0 is the same point; a misprint may exceed integers
     groups = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     counts = np.bincount(groups)
     means = np.bincount(groups, weights=fit.values) / counts
     scatter = float(np.sum((fit.values - means[groups]) ** 2))
-    return variance_row("Pure error", scatter, len(groups) - len(counts))
+    return anova_row("Pure error", scatter, len(groups) - len(counts))
 
 
 def anova(fit: Fit) -> list[Row]:
     """The table: model, terms, residual, lack of fit, pure error, total; terms against residuals."""
-    pure = replicate_error(fit)
+    pure = pure_error_row(fit)
     total = fit.ss_total
     against = (fit.ms_error, fit.df_error)
-    rows = [variance_row("Model", total - fit.ss_error, len(fit.terms), *against)]
+    rows = [anova_row("Model", total - fit.ss_error, len(fit.terms), *against)]
     rows += [
-        variance_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
+        anova_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
     ]
-    rows.append(variance_row("Residual", fit.ss_error, fit.df_error))
+    rows.append(anova_row("Residual", fit.ss_error, fit.df_error))
     if pure.df:
         lack, lack_df = fit.ss_error - pure.sum_of_squares, fit.df_error - pure.df
         if lack_df:
             lack = 0.0 if lack < EXACT * total else lack
             scatters = pure.sum_of_squares > EXACT * total  # equal repeats leave lack of fit untested
-            rows.append(variance_row("Lack of fit", lack, lack_df, pure.mean_square, scatters * pure.df))
+            rows.append(anova_row("Lack of fit", lack, lack_df, pure.mean_square, scatters * pure.df))
         rows.append(pure)
-    return [*rows, variance_row("Total", total, len(fit.values) - 1)]
+    return [*rows, anova_row("Total", total, len(fit.values) - 1)]
 
 
-def variance_row(source: str, sum_of_squares: float, df: int, error: float = nan, df_error: int = 0) -> Row:
+def anova_row(source: str, sum_of_squares: float, df: int, error: float = nan, df_error: int = 0) -> Row:
     """A line with its F test against a mean square; with df_error = 0 there is none."""
     if not df:
         return Row(source, sum_of_squares, df, nan)
@@ -98,7 +98,7 @@ def term_sums(fit: Fit) -> Floats:
     return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
 
 
-def curvature(fit: Fit) -> Curvature | None:
+def curvature_test(fit: Fit) -> Curvature | None:
     """Curvature of corners and centre under a model without squares; None for others, or without error.
 
         SS = n_f n_c (mean_f - mean_c)^2 / (n_f + n_c)
@@ -115,7 +115,7 @@ def curvature(fit: Fit) -> Curvature | None:
     if np.linalg.matrix_rank(matrix) < matrix.shape[1] or len(matrix) == matrix.shape[1]:
         return None
     bent = OLS(fit.values, matrix).fit()
-    row = variance_row("Curvature", fit.ss_error - bent.ssr, 1, bent.mse_resid, int(bent.df_resid))
+    row = anova_row("Curvature", fit.ss_error - bent.ssr, 1, bent.mse_resid, int(bent.df_resid))
     difference, error = float(bent.params[-1]), float(bent.mse_resid)
     return Curvature(difference, row.sum_of_squares, row.f, row.p, int(bent.df_resid), error)
 
@@ -123,10 +123,10 @@ def curvature(fit: Fit) -> Curvature | None:
 STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backward elimination [1]
 
 
-def eliminate_backward(fit: Fit) -> Fit:
+def eliminate_terms(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
     while True:
-        parent_terms = set[Term]().union(*(parents(term) for term in fit.terms))
+        parent_terms = set[Term]().union(*(lower_order_terms(term) for term in fit.terms))
         p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
         removable = [
             (float(value), term) for value, term in zip(p, fit.terms, strict=True) if term not in parent_terms

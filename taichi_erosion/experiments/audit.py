@@ -27,9 +27,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments import fit as models
 from taichi_erosion.experiments import published
-from taichi_erosion.experiments.anova import anova, curvature
+from taichi_erosion.experiments.anova import anova, curvature_test
 from taichi_erosion.experiments.design import stack_parts
-from taichi_erosion.experiments.fit import Fit, Order, Term, model_terms, quality, term_name
+from taichi_erosion.experiments.fit import Fit, Order, Term, figures_of_merit, model_terms, term_name
 from taichi_erosion.experiments.optimise import Goal, optimise
 from taichi_erosion.experiments.published import Claims, Finding, PrintedNumber, PublishedTable, word_of
 from taichi_erosion.tables.headings import read_heading
@@ -102,9 +102,9 @@ class Audit:
     assumptions: tuple[str, ...]
 
 
-def audit(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
+def audit_table(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
     """Audit a table and the claims beside it. Raises BadInput."""
-    table, claims = published.read_published(path, response), published.claims_of(path, claims_file)
+    table, claims = published.read_published_table(path, response), published.read_claims(path, claims_file)
     structure = examine_structure(table.coded)
     folder = (claims_file or path).parent
     assumptions = [f"{name} is another result; --response names it" for name in table.others]
@@ -143,21 +143,21 @@ def examine_structure(coded: Floats) -> Structure:
     pairs = [abs(np.corrcoef(one, other)[0, 1]) for one, other in combinations(coded.T, 2)]
     if pairs and min(pairs) > TOGETHER:
         return Structure(two_level, None, None)
-    balanced, orthogonal = are_levels_sound(coded)
+    balanced, orthogonal = balance_and_orthogonality(coded)
     run = -coded.sum(axis=0)  # that may be missing: then no cell is wrong
     levels = all(np.isin(np.round(abs(run), 6), np.round(np.abs(coded), 6)))
-    missing = levels and all(are_levels_sound(np.vstack([coded, run])))
+    missing = levels and all(balance_and_orthogonality(np.vstack([coded, run])))
     sought = pairs and not missing and not (balanced and orthogonal)
     return Structure(two_level, balanced, orthogonal, tuple(restoring_cells(coded)) if sought else ())
 
 
-def are_levels_sound(coded: Floats) -> tuple[bool, bool]:
+def balance_and_orthogonality(coded: Floats) -> tuple[bool, bool]:
     """Whether levels are balanced, and whether they are orthogonal."""
     counts = [np.unique(np.round(column, 6), return_counts=True)[1] for column in coded.T]
-    return all(np.array_equal(each, each[::-1]) for each in counts), not dependent_pairs(coded)
+    return all(np.array_equal(each, each[::-1]) for each in counts), not non_orthogonal_pairs(coded)
 
 
-def dependent_pairs(coded: Floats) -> list[tuple[int, int]]:
+def non_orthogonal_pairs(coded: Floats) -> list[tuple[int, int]]:
     """Pairs of columns that are not orthogonal."""
     places = [np.unique(np.round(column, 6), return_inverse=True)[1].ravel() for column in coded.T]
     centred = [levels - levels.mean() for levels in places]
@@ -168,15 +168,15 @@ def dependent_pairs(coded: Floats) -> list[tuple[int, int]]:
 def restoring_cells(coded: Floats) -> Iterator[Cell]:
     """Every single change of a level after which nothing is left to find."""
     for column in range(coded.shape[1]):
-        if not all(are_levels_sound(np.delete(coded, column, axis=1))):
+        if not all(balance_and_orthogonality(np.delete(coded, column, axis=1))):
             continue  # no cell of this column can restore the others
         for row, level in product(range(len(coded)), np.unique(coded[:, column]).tolist()):
             cell = Cell(row, column, level)
-            if level != coded[row, column] and all(are_levels_sound(with_cell(coded, cell))):
+            if level != coded[row, column] and all(balance_and_orthogonality(change_cell(coded, cell))):
                 yield cell
 
 
-def with_cell(coded: Floats, cell: Cell | None) -> Floats:
+def change_cell(coded: Floats, cell: Cell | None) -> Floats:
     """The levels with one cell changed."""
     changed = coded.copy()
     if cell is not None:
@@ -194,7 +194,7 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
         if high != low:
             sentence = f"{factor.path} is {high} times high and {low} times low"
             yield Finding("unbalanced", sentence, column=factor.path, found=float(high - low))
-    yield from not_orthogonal(table)
+    yield from orthogonality_findings(table)
     count = len(structure.cells)
     for cell in structure.cells:
         factor = table.factors[cell.column]
@@ -206,10 +206,10 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
         yield Finding("cell", sentence, "", factor.path, cell.row + 1, printed, level)
 
 
-def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
+def orthogonality_findings(table: PublishedTable) -> Iterator[Finding]:
     """The factor that shares something with others; the worst pair where there is no such single one."""
     names = [factor.path for factor in table.factors]
-    pairs = dependent_pairs(table.coded)
+    pairs = non_orthogonal_pairs(table.coded)
     if not pairs:
         return
     common = set(pairs[0]).intersection(*pairs)
@@ -229,7 +229,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = with_cell(table.coded, structure.sole_cell)
+    coded = change_cell(table.coded, structure.sole_cell)
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
@@ -245,7 +245,7 @@ def recompute(fit: Fit, claims: Claims, actual: bool) -> Numbers:
     names = [factor.path for factor in fit.factors]
     equation = models.natural_polynomial(fit) if actual else models.coded_polynomial(fit)
     values = {(name, "coefficient"): equation.get(parse_term(name, names), nan) for name in claims.equation}
-    values |= {(name, "quality"): value for name, value in asdict(quality(fit)).items()}
+    values |= {(name, "quality"): value for name, value in asdict(figures_of_merit(fit)).items()}
     rows = {row.source: asdict(row) for row in anova(fit)}
     return values | {(line, name): value for line, row in rows.items() for name, value in row.items()}
 
@@ -287,7 +287,7 @@ def allow_rounding(
     return rounded if len(lines) > 1 or half[:, 1:].any() else comparisons
 
 
-def short_names(text: str) -> list[str]:
+def heading_names(text: str) -> list[str]:
     """A heading, its name without a unit, its symbol and the rest: `A-sliding friction`, `friction (A)`."""
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\u2013", "-").strip()
     match = SYMBOL.fullmatch(plain)
@@ -303,7 +303,7 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
 
     Factors may also be named by their places, A, B ... or x1, x2 ..., where no heading is such a name.
     """
-    short, factor_names = short_names(text), [short_names(name) for name in names]
+    short, factor_names = heading_names(text), [heading_names(name) for name in names]
     if short[0] in ("1", "intercept", "constant"):
         return (0,) * len(names)
     used_names = {each for words in factor_names for each in words}
@@ -388,7 +388,7 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
             yield Finding("lack of fit", f"the model misses the means of its points: {test}", found=row.p)
         if row.source == "Lack of fit" and np.isnan(row.p):
             yield Finding("not judged", "lack of fit: repeated runs are equal, there is no pure error")
-    bend = curvature(fit)
+    bend = curvature_test(fit)
     if bend is None or not bend.f > 1.0:  # without it the error would be larger
         return
     hidden = any(c.agrees and c.quantity == "f" for c in comparisons)
@@ -401,7 +401,7 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
     yield Finding("curvature", sentence, found=bend.sum_of_squares)
 
 
-def as_document(result: Audit) -> dict[str, Any]:
+def audit_document(result: Audit) -> dict[str, Any]:
     """The audit as one JSON document."""
     table, structure, fit = result.table, result.structure, result.fit
     cells = [
@@ -426,7 +426,7 @@ def as_document(result: Audit) -> dict[str, Any]:
             "terms": list(fit.names),
             "anova": [asdict(row) for row in anova(fit)],
             "coefficients": models.coefficient_table(fit).to_dict("records"),
-            "quality": asdict(quality(fit)),
+            "quality": asdict(figures_of_merit(fit)),
         },
         "printed_numbers": {
             "compared": len(result.comparisons),

@@ -6,7 +6,7 @@
     power(D) = P(|t'| > t(0.975, df)),        t' non-central with D / se
 
 s_2 and n_2 belong to the measurement; where it is a bare number they count as exact. A test that does not
-reject is weak evidence if its power is small: `detectable` is the difference found four times in five.
+reject is weak evidence if its power is small: `least_detectable` is the difference found four times in five.
 
 References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Analysis, ch. 2.
 """
@@ -54,7 +54,7 @@ class Confirmation:
     detectable: float  # difference noticed with a power of 0.8
 
 
-def confirm(values: Sequence[float], target: Sample | float) -> Confirmation:
+def welch_test(values: Sequence[float], target: Sample | float) -> Confirmation:
     """Welch's test of fresh runs against a number or a measurement.
 
     The difference that would matter is the standard deviation of a single measurement, or of a run where that
@@ -86,7 +86,7 @@ def confirm(values: Sequence[float], target: Sample | float) -> Confirmation:
         p=2.0 * float(stats.t.sf(abs(t), df)),
         power=power(matter, spread, df),
         resolve=matter,
-        detectable=detectable(spread, df),
+        detectable=least_detectable(spread, df),
     )
 
 
@@ -103,14 +103,14 @@ def power(difference: float, spread: float, df: float) -> float:
     """
     shift, limit = abs(difference) / spread, critical_t(df)
 
-    def shortfall(probability: Floats) -> Floats:
+    def power_deficit(probability: Floats) -> Floats:
         s = np.sqrt(chdtri(df, probability) / df)
         return ndtr(limit * s - shift) - ndtr(-limit * s - shift)
 
-    return 1.0 - float(tanhsinh(shortfall, 0.0, 1.0).integral)
+    return 1.0 - float(tanhsinh(power_deficit, 0.0, 1.0).integral)
 
 
-def detectable(spread: float, df: float) -> float:
+def least_detectable(spread: float, df: float) -> float:
     """Smallest true difference that is noticed with the wanted power."""
     if spread != spread:
         return nan

@@ -117,7 +117,7 @@ def stack_parts(
     )
 
 
-def design_text(design: Design) -> str:
+def design_csv(design: Design) -> str:
     """The table as CSV, one row a run in standard order; the cell of a run without a result is empty."""
     natural = {f"{f.path} [{f.unit}] {f.low!r}..{f.high!r}": k for k, f in enumerate(design.factors)}
     coded = {f"coded {f.path}": k for k, f in enumerate(design.factors)}
@@ -151,7 +151,7 @@ TOGETHER = {
 }
 
 
-def grid_points(count: int, levels: int = 3) -> Floats:
+def factorial_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
     from pyDOE3 import fullfact
 
@@ -183,7 +183,7 @@ def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | N
         raise BadInput(f"Box-Behnken: {count} factors; allowed are {allowed}")
     blocks = []
     for letters in TOGETHER[count]:
-        corners = grid_points(len(letters), 2)
+        corners = factorial_points(len(letters), 2)
         block = np.zeros((len(corners), count))
         block[:, [ord(letter) - ord("A") for letter in letters]] = corners
         blocks.append(block)
@@ -204,7 +204,7 @@ def central_composite(
     Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Box & Hunter (1957), Ann. Math. Stat. 28, 195.
     """
     count = len(factors)
-    corners = grid_points(count, 2)
+    corners = factorial_points(count, 2)
     alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
     star = alpha * np.stack([-np.eye(count), np.eye(count)], axis=1).reshape(2 * count, count)
     parts: list[Part] = [("factorial", corners), ("axial", star), centre_part(count, centre_points)]
@@ -224,7 +224,7 @@ def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_poin
     return stack_parts("Latin hypercube", factors, [points, centre_part(count, centre_points)], seed)
 
 
-def steepest_path(
+def steepest_ascent(
     factors: Sequence[Factor],
     slopes: ArrayLike,
     steps: int = 6,

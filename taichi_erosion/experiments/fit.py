@@ -79,10 +79,10 @@ def term_label(name: str, labels: Mapping[str, str]) -> str:
     )
 
 
-def parents(term: Term) -> set[Term]:
+def lower_order_terms(term: Term) -> set[Term]:
     """Terms that hierarchy requires beside this one: each exponent lowered, down to single factors."""
     lower = [(*term[:k], power - 1, *term[k + 1 :]) for k, power in enumerate(term) if power]
-    return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
+    return set[Term]().union(*({each} | lower_order_terms(each) for each in lower if any(each)))
 
 
 def model_matrix(coded: ArrayLike, terms: Sequence[Term]) -> Floats:
@@ -209,7 +209,7 @@ def natural_polynomial(fit: Fit) -> Polynomial:
     return total
 
 
-def equation(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
+def equation_text(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
     """The polynomial as one line of text."""
     names = [factor.path for factor in fit.factors]
     words = [f"{fit.response} ="]
@@ -234,7 +234,7 @@ class Quality:
     adequate_precision: float
 
 
-def quality(fit: Fit) -> Quality:
+def figures_of_merit(fit: Fit) -> Quality:
     """Figures of merit of a fit."""
     total, df_total = fit.ss_total, len(fit.values) - 1
     sd = sqrt(fit.ms_error)
@@ -247,23 +247,23 @@ def quality(fit: Fit) -> Quality:
     return Quality(
         sd=sd,
         mean=mean,
-        cv=100.0 * ratio(sd, mean),
-        r2=1.0 - ratio(fit.ss_error, total),
-        r2_adjusted=1.0 - ratio(fit.ms_error, ratio(total, df_total)),
-        r2_predicted=1.0 - ratio(press, total),
+        cv=100.0 * ratio_or_nan(sd, mean),
+        r2=1.0 - ratio_or_nan(fit.ss_error, total),
+        r2_adjusted=1.0 - ratio_or_nan(fit.ms_error, ratio_or_nan(total, df_total)),
+        r2_predicted=1.0 - ratio_or_nan(press, total),
         press=press,
-        adequate_precision=ratio(float(np.ptp(fit.fitted)), noise),
+        adequate_precision=ratio_or_nan(float(np.ptp(fit.fitted)), noise),
     )
 
 
-def ratio(numerator: float, denominator: float) -> float:
+def ratio_or_nan(numerator: float, denominator: float) -> float:
     """A quotient, NaN over 0."""
     return numerator / denominator if denominator else nan
 
 
 def overfit_warning(fit: Fit) -> str:
     """One line where the model predicts runs that it has not used far worse than its own; else empty."""
-    merit = quality(fit)
+    merit = figures_of_merit(fit)
     if not merit.r2_adjusted - merit.r2_predicted > R2_APART:
         return ""
     return (

@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design import grid_points, settings_at
+from taichi_erosion.experiments.design import factorial_points, settings_at
 from taichi_erosion.experiments.fit import Fit
 
 
@@ -119,7 +119,7 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
         abs(goal_desirability(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
         for goal, fit in zip(limited, models, strict=True)
     )
-    return Optimisation(tuple(optima), reach, is_met, tuple(explain(limited, optima, reach, is_met)))
+    return Optimisation(tuple(optima), reach, is_met, tuple(optimum_cautions(limited, optima, reach, is_met)))
 
 
 def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
@@ -153,7 +153,7 @@ def start_points(count: int) -> Floats:
     small = 3**count <= MOST_GRID_STARTS
     sobol = qmc.Sobol(d=count, rng=np.random.default_rng(SOBOL_SEED))
     between = 2.0 * sobol.random(SPREAD_STARTS if small else MANY_STARTS) - 1.0
-    return np.concatenate([grid_points(count) if small else np.zeros((1, count)), between])
+    return np.concatenate([factorial_points(count) if small else np.zeros((1, count)), between])
 
 
 def nearest_minimum(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
@@ -200,7 +200,7 @@ def prediction_range(fit: Fit) -> Reach:
     return Reach(low, high, *(settings_at(fit.factors, end) for end in ends))
 
 
-def explain(
+def optimum_cautions(
     goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], is_met: bool
 ) -> Iterator[str]:
     """What a reader must know before trying an optimum."""

@@ -114,7 +114,7 @@ class Claims(BaseModel):
     quality: dict[str, Number] = {}
 
 
-def claims_of(table: Path, file: Path | None = None) -> Claims:
+def read_claims(table: Path, file: Path | None = None) -> Claims:
     """Claims of a table: of the named file or of the one beside it; none without a file. Raises BadInput."""
     path = file or table.with_suffix(".claims.toml")
     if file is None and not path.exists():
@@ -219,13 +219,13 @@ class PublishedTable:
     rounding: Floats  # half of the last digit of response and coded levels, [runs, 1 + factors]
 
 
-def read_published(path: Path, response: str | None = None) -> PublishedTable:
+def read_published_table(path: Path, response: str | None = None) -> PublishedTable:
     """A table of runs; the response is the last column of results where it is not named. Raises BadInput."""
     sheet = read_sheet(path)
     names = list(sheet.columns)
     if response and response not in names:
         raise BadInput(f"{path}: column '{response}' is missing; there are: {', '.join(names)}")
-    few, results = column_roles(usable_columns(sheet))
+    few, results = column_roles(usable_number_columns(sheet))
     response_name = response or (results or few or names)[-1]
     values = sheet.numbers(response_name, strict=True)
     if (runs := np.isfinite(values).sum()) < FEWEST_RUNS:
@@ -239,7 +239,7 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
         raise BadInput(
             f"{path}: row {row + 1}, {chosen[k]} = '{sheet.columns[chosen[k]][row]}' must be a number"
         )
-    factors = tuple(factor_of(name, column) for name, column in zip(chosen, levels.T, strict=True))
+    factors = tuple(column_factor(name, column) for name, column in zip(chosen, levels.T, strict=True))
     coded = np.round(to_coded(factors, levels), 9) + 0.0
     # levels from -1 to 1 define the coding, those of star points are rounded
     digits = [sheet.last_digit(name) / f.half for name, f in zip(chosen, factors, strict=True)]
@@ -250,7 +250,7 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
     return PublishedTable(str(path), factors, levels, coded, response_name, values, aside, others, rounding)
 
 
-def usable_columns(sheet: Sheet) -> dict[str, Floats]:
+def usable_number_columns(sheet: Sheet) -> dict[str, Floats]:
     """Columns of numbers that vary, no counter and of no program, each in one unit only."""
     columns = dict[str, Floats]()
     for heading in sheet.columns:
@@ -280,7 +280,7 @@ def column_roles(usable: dict[str, Floats]) -> tuple[list[str], list[str]]:
     return few or rest, [name for name in usable if name in named or name in behind]
 
 
-def factor_of(name: str, column: Floats) -> Factor:
+def column_factor(name: str, column: Floats) -> Factor:
     """A factor whose low and high are the most frequent pair of levels, the outermost of equals.
 
     Levels that stand once are left out where there are others: star points, misprints.

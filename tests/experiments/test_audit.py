@@ -10,7 +10,7 @@ from textbook import unit_factors
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.audit import as_document, audit
+from taichi_erosion.experiments.audit import audit_document, audit_table
 from taichi_erosion.experiments.published import parse_printed
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
@@ -52,14 +52,14 @@ def test_the_one_flipped_cell_of_a_screening_is_found(tmp_path, capsys, seed):
 def test_a_level_with_a_slipped_decimal_point_is_named(tmp_path):
     names, rows = screening()
     rows[3][2] = 10.0 * rows[3][2]
-    found = audit(write(tmp_path / "t.csv", names, rows))
+    found = audit_table(write(tmp_path / "t.csv", names, rows))
     (odd,) = [finding for finding in found.findings if finding.kind == "cell"]
     assert (odd.row, odd.column, odd.printed) == (4, "B", f"{rows[3][2]:g}")
 
 
 def test_a_sound_design_is_found_sound(tmp_path):
     names, rows = screening()
-    found = audit(write(tmp_path / "t.csv", names, rows))
+    found = audit_table(write(tmp_path / "t.csv", names, rows))
     assert found.structure.balanced
     assert found.structure.orthogonal
     assert {finding.kind for finding in found.findings} <= {"curvature"}
@@ -69,7 +69,7 @@ def test_a_flipped_cell_of_a_box_behnken_design_is_one_of_two(tmp_path):
     levels = design.box_behnken(unit_factors("ABC")).coded.copy()
     levels[5, 2] *= -1.0
     rows = [[*line, float(k)] for k, line in enumerate(levels)]
-    found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "y"], rows))
+    found = audit_table(write(tmp_path / "t.csv", ["A", "B", "C", "y"], rows))
     # two rows of the printed table are now alike: either could be the wrong one
     assert {(cell.row, cell.column) for cell in found.structure.cells} > {(5, 2)}
     assert found.structure.sole_cell is None
@@ -79,7 +79,7 @@ def test_columns_behind_the_response_that_repeat_a_factor_are_set_aside(tmp_path
     names, rows = screening(3)
     more = [[*row, 0.5 + 0.1 * row[1], -row[2], "a remark"] for row in rows]
     path = write(tmp_path / "t.csv", [*names, "natural_A", "B_again", "note"], more)
-    found = as_document(audit(path, "angle"))
+    found = audit_document(audit_table(path, "angle"))
     assert found["factors"] == ["A", "B", "C"]
     assert found["set_aside"] == ["run", "natural_A", "B_again", "note"]
 
@@ -112,4 +112,4 @@ def test_what_cannot_be_audited_is_refused_in_one_line(tmp_path, text, claims, w
     path.write_text(text, encoding="utf-8")
     (tmp_path / "t.claims.toml").write_text(claims, encoding="utf-8")
     with pytest.raises(BadInput, match=words):
-        audit(path)
+        audit_table(path)

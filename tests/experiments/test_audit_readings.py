@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.audit import Audit, audit
+from taichi_erosion.experiments.audit import Audit, audit_table
 
 BOX = np.array([(a, b, 0) for b, a in product((-1, 1), repeat=2)])
 BOX = np.vstack([BOX, BOX[:, [0, 2, 1]], BOX[:, [2, 0, 1]], np.zeros((3, 3))])
@@ -60,7 +60,7 @@ def audited(folder, heading, levels, y, anova=(), claims="", separator=",") -> A
         csv.writer(file).writerows(anova)
     text = ('anova = "anova.csv"\n' if anova else "") + claims
     (folder / "t.claims.toml").write_text(text, encoding="utf-8")
-    return audit(folder / "t.csv")
+    return audit_table(folder / "t.csv")
 
 
 def wrong(found: Audit) -> list[tuple[str, str, str]]:

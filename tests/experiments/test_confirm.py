@@ -8,7 +8,7 @@ from scipy import stats
 from statsmodels.stats.power import TTestIndPower, TTestPower
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.confirm import Sample, confirm, detectable, power
+from taichi_erosion.experiments.confirm import Sample, least_detectable, power, welch_test
 
 
 def test_welchs_test_agrees_with_scipy():
@@ -16,7 +16,7 @@ def test_welchs_test_agrees_with_scipy():
     theirs = stats.ttest_ind_from_stats(
         np.mean(values), np.std(values, ddof=1), 3, 33.52, 0.68, 10, equal_var=False
     )
-    found = confirm(values, Sample(33.52, 0.68, 10))
+    found = welch_test(values, Sample(33.52, 0.68, 10))
     assert (found.t, found.p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-12)
 
 
@@ -30,10 +30,10 @@ def test_power_agrees_with_statsmodels(size):
 
 @pytest.mark.parametrize("df", [1.0, 2.0, 7.2, 60.0])
 def test_the_detectable_difference_is_noticed_four_times_in_five(df):
-    assert power(detectable(0.3, df), 0.3, df) == pytest.approx(0.8, abs=1e-9)
+    assert power(least_detectable(0.3, df), 0.3, df) == pytest.approx(0.8, abs=1e-9)
 
 
 def test_failed_runs_do_not_count_as_confirmation():
-    assert confirm([1.0, nan, 2.0], 1.0).runs == Sample(1.5, pytest.approx(0.5**0.5), 2)
+    assert welch_test([1.0, nan, 2.0], 1.0).runs == Sample(1.5, pytest.approx(0.5**0.5), 2)
     with pytest.raises(BadInput, match="at least 2"):
-        confirm([1.0, nan], 1.0)
+        welch_test([1.0, nan], 1.0)

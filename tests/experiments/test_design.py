@@ -59,7 +59,7 @@ def test_box_behnken_points_are_those_of_an_independent_generator(count):
 def test_central_composite_points_are_those_of_the_textbook(count, axial, distance):
     made = design.central_composite(unit_factors("ABCDE"[:count]), axial=axial)
     star = distance[count] * np.repeat(np.eye(count), 2, axis=0) * np.tile([[-1.0], [1.0]], (count, 1))
-    wanted = [*design.grid_points(count, 2), *star, *np.zeros((5, count))]
+    wanted = [*design.factorial_points(count, 2), *star, *np.zeros((5, count))]
     assert np.allclose(made.coded, wanted, rtol=0.0, atol=1e-12)
     assert made.kinds == ("factorial",) * 2**count + ("axial",) * 2 * count + ("centre",) * 5
 
@@ -75,7 +75,7 @@ def test_a_latin_hypercube_has_one_run_in_every_slice_of_every_factor(seed):
 
 def test_a_steepest_path_follows_the_gradient_and_ends_at_a_limit():
     ranges = [design.Factor("a", 0.0, 2.0), design.Factor("b", 10.0, 30.0)]
-    path = design.steepest_path(ranges, [-3.0, 1.5], steps=5, step=0.5, limits={"a": (0.0, 9.0)})
+    path = design.steepest_ascent(ranges, [-3.0, 1.5], steps=5, step=0.5, limits={"a": (0.0, 9.0)})
     # a: half range 1, full step 0.5 down; b: half range 10, half of a step up
     assert np.allclose(path.natural, [(1.0, 20.0), (0.5, 22.5), (0.0, 25.0)])
     assert path.kinds == ("path",) * 3
@@ -102,7 +102,7 @@ def test_a_design_comes_back_from_its_file_to_the_bit():
     median = design.Factor("grains.size.median", 1e-4, 0.1 + 0.2, "m")
     ranges = [design.Factor("contact.soil-soil.restitution", 0.4, 0.8), median]
     made = design.latin_hypercube(ranges, 7, seed=1).with_responses(angle=[1.0, np.nan, *range(5)])
-    back = pd.read_csv(io.StringIO(design.design_text(made)), dtype=str)
+    back = pd.read_csv(io.StringIO(design.design_csv(made)), dtype=str)
     assert "grains.size.median [m] 0.0001..0.30000000000000004" in back
     columns = np.column_stack([made.run_order, made.natural, made.coded, made.responses["angle"]])
     assert np.array_equal(back.drop(columns=["run", "point"]).astype(float), columns, equal_nan=True)

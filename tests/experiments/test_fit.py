@@ -16,18 +16,18 @@ from taichi_erosion.experiments.design import Factor
 from taichi_erosion.experiments.fit import (
     coded_polynomial,
     coefficient_table,
+    figures_of_merit,
     fit_model,
     model_matrix,
     model_terms,
     natural_polynomial,
-    quality,
 )
 
 
 def test_johns_odour_has_the_analysis_that_sas_prints():
     # SAS/STAT user's guide, the RSREG procedure, "A response surface with a simple optimum"
     fit = fit_model(textbook.smell(), "odour", "quadratic")
-    rows, merit = textbook.rows_of(fit), quality(fit)
+    rows, merit = textbook.rows_of(fit), figures_of_merit(fit)
     assert (merit.mean, merit.sd) == (textbook.printed(15.2, 6), textbook.printed(22.478508, 6))
     assert (merit.r2, merit.cv) == (textbook.printed(0.8820, 4), textbook.printed(147.8849, 4))
     assert (rows["Model"].f, rows["Model"].p) == (textbook.printed(4.15, 2), textbook.printed(0.0657, 4))
@@ -51,7 +51,7 @@ def test_any_quadratic_fit_agrees_with_the_type_iii_table_of_statsmodels(seed):
         assert ours.sum_of_squares == pytest.approx(table.loc[row, "sum_sq"], rel=1e-9)
         assert ours.f == pytest.approx(table.loc[row, "F"], rel=1e-9)
         assert ours.p == pytest.approx(table.loc[row, "PR(>F)"], rel=1e-8)
-    assert quality(fit).r2_adjusted == pytest.approx(theirs.rsquared_adj, rel=1e-12)
+    assert figures_of_merit(fit).r2_adjusted == pytest.approx(theirs.rsquared_adj, rel=1e-12)
     assert coefficient_table(fit)["p"].tolist() == pytest.approx(theirs.pvalues.tolist(), rel=1e-8)
 
 
@@ -63,7 +63,7 @@ def test_press_is_what_leaving_each_run_out_gives():
         matrix = model_matrix(fit.coded, fit.terms)
         without = np.linalg.lstsq(matrix[rest], fit.values[rest], rcond=None)[0]
         total += (fit.values[row] - matrix[row] @ without) ** 2
-    assert quality(fit).press == pytest.approx(total, rel=1e-10)
+    assert figures_of_merit(fit).press == pytest.approx(total, rel=1e-10)
 
 
 @given(st.lists(st.floats(-5.0, 5.0), min_size=10, max_size=10), st.floats(0.1, 10.0), st.floats(-3.0, 3.0))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.experiments.audit import audit
+from taichi_erosion.experiments.audit import audit_table
 from taichi_erosion.experiments.design import Factor
 from taichi_erosion.experiments.fit import Fit, term_label
 from taichi_erosion.report import design_figures as figures
@@ -21,7 +21,7 @@ RUN_ORDER, CENTRE = np.arange(1, 18), np.zeros(3)
 @cache
 def surface() -> Fit:
     """The published response surface in natural units; -1 is the low level of every factor."""
-    return replace(audit(FOLDER / "table_8.csv").fit, factors=RANGES)
+    return replace(audit_table(FOLDER / "table_8.csv").fit, factors=RANGES)
 
 
 def test_every_pair_of_factors_has_its_surface_and_its_contours():

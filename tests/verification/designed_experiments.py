@@ -12,9 +12,9 @@ import numpy as np
 from scipy.spatial.distance import cosine
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.anova import anova, replicate_error
-from taichi_erosion.experiments.confirm import confirm, power
-from taichi_erosion.experiments.design import Design, Factor, box_behnken, plackett_burman, steepest_path
+from taichi_erosion.experiments.anova import anova, pure_error_row
+from taichi_erosion.experiments.confirm import power, welch_test
+from taichi_erosion.experiments.design import Design, Factor, box_behnken, plackett_burman, steepest_ascent
 from taichi_erosion.experiments.fit import (
     Fit,
     coefficient_table,
@@ -83,7 +83,7 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
     quadratic = fitted(surface, bowl, "quadratic")
     name = "Box-Behnken: error of ten coefficients"
     yield below(name, quadratic.coefficients - CURVED, 10.0 * ROUNDING, "f64")
-    path = steepest_path(factors(9), list(SCREENED), steps=2).coded[1]
+    path = steepest_ascent(factors(9), list(SCREENED), steps=2).coded[1]
     angle = np.arccos(min(1.0 - cosine(path, SCREENED), 1.0))
     yield below("steepest path: angle to the gradient [rad]", angle, 1e-7, "f64")
     hill = fitted(surface, 9.0 - np.sum((surface.coded - [0.3, -0.2, 0.6]) ** 2, axis=1), "quadratic")
@@ -103,12 +103,12 @@ def noisy_effects(screening: Design, surface: Design, noise: Callable[[int], Flo
     yield share("Box-Behnken: 95 % interval holds the true curvature", hits, CONFIDENCE)
     lack = [row.p < SIGNIFICANCE for fit in curves for row in anova(fit) if row.source == "Lack of fit"]
     yield share("Box-Behnken: lack of fit of a right model at 5 %", lack, SIGNIFICANCE)
-    errors = [replicate_error(fit) for fit in curves]
+    errors = [pure_error_row(fit) for fit in curves]
     variance = sum(e.sum_of_squares for e in errors) / sum(e.df for e in errors)
     # s^2 scatters by sqrt(2 / df) of itself
     tolerance = FOUR * NOISE**2 * sqrt(2.0 / sum(e.df for e in errors))
     yield Outcome("Box-Behnken: variance of replicates", variance, NOISE**2, tolerance, "f64")
-    tests = [confirm((30.0 + noise(RUNS)).tolist(), 30.0 + NOISE) for _ in range(TABLES)]
+    tests = [welch_test((30.0 + noise(RUNS)).tolist(), 30.0 + NOISE) for _ in range(TABLES)]
     noticed = [test.p < SIGNIFICANCE for test in tests]
     wanted = power(NOISE, NOISE / sqrt(RUNS), RUNS - 1.0)
     yield share("confirmation: a difference of one sd is noticed as often as its power says", noticed, wanted)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.audit import Audit, audit
+from taichi_erosion.experiments.anova import anova, curvature_test
+from taichi_erosion.experiments.audit import Audit, audit_table
 from taichi_erosion.experiments.design import Factor, to_natural
-from taichi_erosion.experiments.fit import Fit, quality
+from taichi_erosion.experiments.fit import Fit, figures_of_merit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
 FOLDER = Path(__file__).parents[3] / "doe" / "hao2022"
@@ -25,7 +25,7 @@ NATURAL = [Factor("Ct", 0.64, 0.80), Factor("Gt", 0.15, 0.31), Factor("It", 3.1,
 
 @cache
 def audited(table: int) -> Audit:
-    return audit(FOLDER / f"table_{table}.csv")
+    return audit_table(FOLDER / f"table_{table}.csv")
 
 
 @cache
@@ -43,7 +43,7 @@ def fitted(table: int) -> Fit:
 def test_table_5_counts_curvature_as_noise():
     residual = next(row for row in anova(fitted(4)) if row.source == "Residual")
     assert (residual.df, residual.mean_square) == (3, pytest.approx(25.70, abs=0.005))
-    bend = curvature(fitted(4))
+    bend = curvature_test(fitted(4))
     assert bend.sum_of_squares == pytest.approx(45.6, abs=0.05)
     assert (bend.df_error, bend.ms_error) == (2, pytest.approx(15.8, abs=0.05))
 
@@ -57,7 +57,7 @@ def test_every_number_of_table_9_and_of_the_regression_comes_out_but_two():
         ("table_9.csv", "Lack of fit", "sum_of_squares"): "2.41",
         ("equation", "CtGt", "coefficient"): "0.4675",
     }
-    assert quality(fitted(8)).r2_predicted == pytest.approx(0.9073, abs=5e-5)
+    assert figures_of_merit(fitted(8)).r2_predicted == pytest.approx(0.9073, abs=5e-5)
 
 
 def test_the_published_optimum_comes_out_to_the_printed_digits():
