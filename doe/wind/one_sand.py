@@ -18,7 +18,7 @@ from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
 from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impact
 from taichi_erosion.tables.number_words import markdown_table
-from taichi_erosion.wind.survey import Survey, scenes_of
+from taichi_erosion.wind.survey import Survey, survey_scenes
 
 TABLE, STARTS = (Path(__file__).with_name(f"{name}.csv") for name in ("thresholds", "starts"))
 FLUID, IMPACT, LINE = "fluid_threshold", "impact_threshold", "impact_threshold_linear"
@@ -51,7 +51,7 @@ def simulate(label: str, *seeds: str) -> None:
     diameter, name = SANDS.get(label, 0.25), f"flux_{WIND}" if "flux" in label else "thresholds"
     path = ROOT / f"wind-{diameter:g}mm" / f"{name}.toml"
     make_parent_folder(path)
-    write_atomic(path, scenes_of(Survey(Sand(1e-3 * diameter), (WIND,), beds=1))[name].encode())
+    write_atomic(path, survey_scenes(Survey(Sand(1e-3 * diameter), (WIND,), beds=1))[name].encode())
     cases = [Case(label, f"bed {seed}", ("--seed", seed, *ORDERS[label])) for seed in seeds]
     perform(str(path.relative_to(ROOT)), cases, TABLE)
 

@@ -16,7 +16,7 @@ from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.execution import session as sessions
 from taichi_erosion.execution.grain_fields import fields_now
-from taichi_erosion.verification.effect_contract import refuse_unusable
+from taichi_erosion.verification.effect_contract import refuse_unusable_effects
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -231,7 +231,7 @@ def live(
     for page in PAGES:  # they pause before the device is given to another session
         with page.turn:
             page.playing = False
-    refuse_unusable(files)
+    refuse_unusable_effects(files)
     return LiveSession(
         sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
     )

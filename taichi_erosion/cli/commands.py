@@ -249,9 +249,9 @@ def live(
     from taichi_erosion.execution.session import open_session, unused_name
 
     if effect:
-        from taichi_erosion.verification.effect_contract import refuse_unusable
+        from taichi_erosion.verification.effect_contract import refuse_unusable_effects
 
-        for sentence in output.effect_check_lines(refuse_unusable(effect)):
+        for sentence in output.effect_check_lines(refuse_unusable_effects(effect)):
             typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
     path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
@@ -422,7 +422,7 @@ def verify(
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
     from taichi_erosion.verification import closed_forms
-    from taichi_erosion.verification.claims import verify as verify_claims
+    from taichi_erosion.verification.claims import verify_claims as verify_claims
 
     def print_claim(claim: "Claim") -> None:
         typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)

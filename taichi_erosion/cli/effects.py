@@ -133,9 +133,9 @@ def show_library(library: "list[Effect]", as_json: bool, mechanisms: bool) -> No
 
 def show_effect(effect: "Effect", as_json: bool) -> None:
     """Page of one effect: law, parameters, verification table, measured shifts, breaches of the contract."""
-    from taichi_erosion.verification.effect_contract import examine
+    from taichi_erosion.verification.effect_contract import examine_effect
 
-    examination = examine(effect)
+    examination = examine_effect(effect)
     if as_json:
         lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in examination.table]
         page = record(effect) | {"checks": lines, "breaches": list(examination.breaches)}

@@ -49,7 +49,7 @@ def survey_wind(
     share = stated_number(precision, "1", "--precision", "5%") if precision else inf
     if precision and not 0.0 < share < 1.0:
         raise BadInput(f"--precision {precision}: write a share below 100 %, such as 5%")
-    survey = surveys.Survey(grains, surveys.asked_winds(wind, grains, rows), water, beds, rows, share, of)
+    survey = surveys.Survey(grains, surveys.survey_winds(wind, grains, rows), water, beds, rows, share, of)
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
     if files:

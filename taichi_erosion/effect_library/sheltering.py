@@ -32,7 +32,7 @@ class Params:
     ratio: float = quantity(3.0, "1", "coarse over fine diameter", low=1.5, high=10.0)
 
 
-def around(diameter: float, mass: float) -> tuple[float, float, float]:
+def single_size_row(diameter: float, mass: float) -> tuple[float, float, float]:
     """Row of a sieve table for grains of nearly one size."""
     return ((1.0 - SCATTER) * diameter, (1.0 + SCATTER) * diameter, mass)
 
@@ -47,7 +47,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         raise BadInput("effects.sheltering: grains.size has a distribution already")
     if share >= 1.0:
         raise BadInput(f"effects.sheltering: strength times share = {share:g} must stay below 1")
-    rows = (around(size.diameter, 1.0 - share), around(params.ratio * size.diameter, share))
+    rows = (single_size_row(size.diameter, 1.0 - share), single_size_row(params.ratio * size.diameter, share))
     mixed = Sieve(law="sieve", rows=rows, table=None)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(mixed)))
     lagged = with_section(scene, "grains", size=mixed, count=count)

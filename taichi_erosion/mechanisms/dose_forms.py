@@ -67,7 +67,7 @@ def typical_size(column: Floats) -> float:
     return float(f"{np.median(np.abs(column[column != 0.0])):.3g}")
 
 
-def forms_of(conditions: Conditions) -> Iterator[Form]:
+def allowed_forms(conditions: Conditions) -> Iterator[Form]:
     """All forms that the conditions of some rows allow."""
     yield Form("constant", (), lambda at, _: np.ones(next(iter(at.values())).size), "{a}")
     varied = {

@@ -19,17 +19,17 @@ SAMPLE_PAIRS = {False: "sand-sand", True: "sand-steel"}  # of the sample scene; 
 SAMPLE_WIND = {"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5}
 
 
-def factor_of(strength: float, dose: float) -> float:
+def dose_factor(strength: float, dose: float) -> float:
     """Factor 1 + strength dose, at least LEAST [1]."""
     return max(1.0 + strength * dose, LEAST)
 
 
 def scale_number(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a number multiplied by 1 + strength D."""
-    return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
+    return scene if strength * params.dose == 0.0 else change(scene, dose_factor(strength, params.dose))
 
 
-def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) -> Scene:
+def scale_contact_number(entry: str, walls: bool, scene: Scene, factor: float) -> Scene:
     """The scene with one number of the chosen contacts multiplied."""
     most = MOST.get(entry, inf)
 
@@ -47,7 +47,7 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
     if strength * params.dose == 0.0:
         return scene
     bare = scene.laws.rolling == "none"
-    factor = factor_of(strength, params.dose)
+    factor = dose_factor(strength, params.dose)
     friction = max(strength * params.dose, 0.0) * params.reference
 
     def change(contact: Contact) -> Contact:
@@ -87,7 +87,7 @@ def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterat
         yield Check("its other contacts still roll freely", got(other, bare), 0.0)
 
 
-def with_stress(scene: Scene, factor: float) -> Scene:
+def scale_stress(scene: Scene, factor: float) -> Scene:
     """The scene with more or less stress on its patch."""
     if scene.wind is None:
         return scene
@@ -107,7 +107,7 @@ def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("without wind nothing changes", float(probe(params(), {}, scene=still) == still), 1.0)
 
 
-def with_material(entry: str, power: float, scene: Scene, factor: float) -> Scene:
+def scale_material(entry: str, power: float, scene: Scene, factor: float) -> Scene:
     """The scene with a number of the grains multiplied, and a step shorter by a power of the factor."""
 
     def change(material: Material) -> Material:
@@ -151,31 +151,31 @@ def offset_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("a negative dose is subtracted", reading(-5.0), 20.0)
 
 
-def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
+def contact_mechanism(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of contacts of grains with walls, or with each other."""
-    act = partial(scale_number, partial(with_contact_number, entry, walls))
+    act = partial(scale_number, partial(scale_contact_number, entry, walls))
     if entry == "friction_rolling":
         act = partial(change_rolling, walls)
     return act, partial(contact_checks, entry, walls), {}
 
 
-def material_row(entry: str, power: float, dose: float) -> tuple[Any, Any, dict[str, Any]]:
+def material_mechanism(entry: str, power: float, dose: float) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of the grains' material; `dose` is that of its checks."""
-    act = partial(scale_number, partial(with_material, entry, power))
+    act = partial(scale_number, partial(scale_material, entry, power))
     return act, partial(material_checks, entry, power, dose), {}
 
 
 FACTORS = {  # mechanism -> act, checks, other members
-    "sliding_friction": contact_row("friction_sliding", walls=False),
-    "wall_sliding_friction": contact_row("friction_sliding", walls=True),
-    "rolling_friction": contact_row("friction_rolling", walls=False),
-    "wall_rolling_friction": contact_row("friction_rolling", walls=True),
-    "restitution": contact_row("restitution", walls=False),
-    "wall_restitution": contact_row("restitution", walls=True),
-    "bed_stress": (partial(scale_number, with_stress), stress_checks, {}),
-    "grain_weight": material_row("density", 0.5, dose=-0.5),
-    "stiffness": material_row("young_modulus", -0.5, dose=3.0),
+    "sliding_friction": contact_mechanism("friction_sliding", walls=False),
+    "wall_sliding_friction": contact_mechanism("friction_sliding", walls=True),
+    "rolling_friction": contact_mechanism("friction_rolling", walls=False),
+    "wall_rolling_friction": contact_mechanism("friction_rolling", walls=True),
+    "restitution": contact_mechanism("restitution", walls=False),
+    "wall_restitution": contact_mechanism("restitution", walls=True),
+    "bed_stress": (partial(scale_number, scale_stress), stress_checks, {}),
+    "grain_weight": material_mechanism("density", 0.5, dose=-0.5),
+    "stiffness": material_mechanism("young_modulus", -0.5, dose=3.0),
     # the value that the laboratory reads
-    "reading_gain": (lambda p, s, _, name, value: value * factor_of(s, p.dose), gain_checks, {}),
+    "reading_gain": (lambda p, s, _, name, value: value * dose_factor(s, p.dose), gain_checks, {}),
     "reading_offset": (lambda p, s, _, name, value: value + s * p.dose * p.scale, offset_checks, {}),
 }

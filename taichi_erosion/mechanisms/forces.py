@@ -8,7 +8,7 @@ from typing import Any
 from taichi_erosion.core.effect import Check, Conditions, Constants, Probe
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effect_library import turbulent_gusts
-from taichi_erosion.mechanisms.factors import HALF, factor_of
+from taichi_erosion.mechanisms.factors import HALF, dose_factor
 
 GRAVITY = 9.81  # m s-2
 DIAMETER_OVER_EFFECTIVE = 4.0  # d / R* of two equal spheres [1]
@@ -149,7 +149,7 @@ def gust_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("half the wind has half the gust", half_wind, 2.0 * lognormal(0.2, 0.09), rtol=3e-3)
 
 
-def pull_row(length: float, share: float) -> tuple[Any, Any, dict[str, Any]]:
+def pull_mechanism(length: float, share: float) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a pull between grains; arguments as those of `pull_checks`."""
     members = {"constants": partial(pull_constants, length), "reach": reach}
     return pull, partial(pull_checks, length, share), members
@@ -161,13 +161,13 @@ def constant_of_dose(name: str, unit: float) -> dict[str, Any]:
 
 
 FORCES = {  # mechanism -> act, checks, other members
-    "contact_pull": pull_row(1.0, 0.01),
-    "gap_pull": pull_row(DIAMETER_OVER_EFFECTIVE, 0.2),
+    "contact_pull": pull_mechanism(1.0, 0.01),
+    "gap_pull": pull_mechanism(DIAMETER_OVER_EFFECTIVE, 0.2),
     "vertical_force": (push_upwards, vertical_checks, constant_of_dose("acceleration", GRAVITY)),
     "drag": (
         no_push,
         drag_checks,
-        {"constants": lambda p, s, _: {"more": factor_of(s, p.dose) - 1.0}, "drag": drag_factor},
+        {"constants": lambda p, s, _: {"more": dose_factor(s, p.dose) - 1.0}, "drag": drag_factor},
     ),
     "lift": (push_across, lift_checks, constant_of_dose("coefficient", SAFFMAN)),
     "gustiness": (

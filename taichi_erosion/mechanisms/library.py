@@ -43,10 +43,10 @@ def dose_meaning(name: str) -> str:
 @cache
 def load_mechanisms() -> dict[str, Effect]:
     """All mechanisms by name, with their device functions: it imports the compiler."""
-    return {name: mechanism(name, row) for name, row in mechanism_rows().items()}
+    return {name: mechanism_of_row(name, row) for name, row in mechanism_rows().items()}
 
 
-def mechanism(name: str, row: Mapping[str, Any]) -> Effect:
+def mechanism_of_row(name: str, row: Mapping[str, Any]) -> Effect:
     """The effect of one row."""
     from taichi_erosion.mechanisms.factors import FACTORS, PARTNERS
     from taichi_erosion.mechanisms.forces import FORCES

@@ -71,7 +71,7 @@ def as_claim(ident: str, outcome: Outcome, wall_s: float) -> Claim:
     return Claim(**asdict(outcome), id=ident, passed=passed, wall_s=wall_s)
 
 
-def verify(
+def verify_claims(
     ladder: Ladder, ids: Sequence[str] = (), on_claim: Callable[[Claim], object] = lambda claim: None
 ) -> list[Claim]:
     """Claims of the checks named by `ids` (all where empty), each handed to `on_claim` once known."""
@@ -80,13 +80,13 @@ def verify(
         raise BadInput(f"verify: {unknown[0]} is unknown; choose from {', '.join(ladder.checks)}")
     claims = []
     for ident in ids or ladder.checks:
-        for claim in claims_of(ident, ladder.checks[ident]):
+        for claim in claims_of_check(ident, ladder.checks[ident]):
             claims.append(claim)
             on_claim(claim)
     return claims
 
 
-def claims_of(ident: str, check: Check) -> Iterator[Claim]:
+def claims_of_check(ident: str, check: Check) -> Iterator[Claim]:
     """Claims of one check; a claim's wall time counts from the one before it."""
     began = time.perf_counter()
     try:

@@ -68,7 +68,7 @@ def sample_states(
     return list(zip(*rows, strict=True))
 
 
-def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
+def crossing_time(time: Floats, value: Floats, level: float = 0.0) -> float:
     """First time at which a sampled value falls through `level`, interpolated; NaN if it never does."""
     falls = np.flatnonzero((value[:-1] > level) & (value[1:] <= level))
     if falls.size == 0:
@@ -141,11 +141,11 @@ def peak_outcomes(
         yield relative(f"{name}: largest force [N]", force.max(), peak, 1e-3, precision)
         along = (force - stiffness * np.maximum(overlap[1:-1], 0.0) ** 1.5) / peak
         yield below(f"{name}: force along the path off K d^1.5, over its peak", along, 1e-3, precision)
-    got = crossing(time, overlap) + crossing(-time[::-1], overlap[::-1])
+    got = crossing_time(time, overlap) + crossing_time(-time[::-1], overlap[::-1])
     yield relative(f"{name}: contact time [s]", got, duration, 5e-3, precision)
 
 
-def tumbling(seed: int, count: int = 40) -> Setup:
+def tumbling_setup(seed: int, count: int = 40) -> Setup:
     """Grains that fall through each other into a tube, with friction, rolling resistance and adhesion."""
     contact = {"restitution": 0.5, "friction_sliding": 0.5, "friction_rolling": 0.2}
     scene = sample_scene(
@@ -167,11 +167,11 @@ def state_bytes(state: Snapshot) -> bytes:
     return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
 
 
-def threads_and_ensembles() -> Iterator[Outcome]:
+def thread_outcomes() -> Iterator[Outcome]:
     """V23: the same bits on one and two threads, alone and among other replicas."""
-    target = tumbling(3)
-    half_step = replace(tumbling(5), time_step=target.time_step / 2.0)
-    company = [tumbling(4), target, half_step, tumbling(6, count=25)]
+    target = tumbling_setup(3)
+    half_step = replace(tumbling_setup(5), time_step=target.time_step / 2.0)
+    company = [tumbling_setup(4), target, half_step, tumbling_setup(6, count=25)]
     cases = {"2 threads": ([target], 0), "in company, 2 threads": (company, 1)}
     for precision in PRECISIONS:
         ((alone,),) = sample_states([target], [[WHOLE]], precision, TUMBLING, 1)
@@ -186,7 +186,7 @@ HEIGHT, STEPS = 0.05, 4000  # of the channel [m]; of 0.05 s
 SUBLAYER, LOG_LAYER = 4.0, (40.0, 0.2)  # in wall units: below, from; share of the height up to
 
 
-def channel() -> AirSetup:
+def channel_setup() -> AirSetup:
     """Half a channel over a smooth floor, driven by a mean pressure gradient."""
     faces = stretched_faces(0.0, HEIGHT, 96, 2e-5)  # u* z / nu = 0.4
     ends = {"z_low": AirSide("wall"), "z_high": AirSide("symmetry")}
@@ -213,7 +213,7 @@ def channel_flow() -> Iterator[Outcome]:
     kappa = 0.40 and R_c = 7 leave 0.3 about it, and 1 - z / H, which that law does not contain, 3 % at H / 5.
     """
     start_device(Numerics())
-    air = allocate_air([channel()])
+    air = allocate_air([channel_setup()])
     advance_columns(STEPS, air)
     state = air_snapshot(air, 0)
     viscosity = state.viscosity + state.eddy_viscosity[0, 0, 1:-1]
@@ -253,6 +253,4 @@ def terminal_velocities() -> Iterator[Outcome]:
         yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, speed_of_table, 0.005, "f64")
 
 
-LADDER = Ladder(
-    {"V02": hertz_peaks, "V23": threads_and_ensembles, "V28": channel_flow, "V30": terminal_velocities}
-)
+LADDER = Ladder({"V02": hertz_peaks, "V23": thread_outcomes, "V28": channel_flow, "V30": terminal_velocities})

@@ -1,7 +1,7 @@
 """The contract that every effect keeps, and the check of one effect against it.
 
 Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device
-must have been started for clauses; `examine` starts it.
+must have been started for clauses; `examine_effect` starts it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -56,7 +56,7 @@ RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
 
 
-def is_right(check: Check) -> bool:
+def is_check_right(check: Check) -> bool:
     """Whether a line of a table is right."""
     return isclose(check.got, check.want, rel_tol=check.rtol, abs_tol=check.atol)
 
@@ -96,7 +96,7 @@ def scenes_for(effect: Effect) -> list[dict[str, Any]]:
     return [{"conditions": conditions}, {"conditions": conditions, "wind": WIND}]
 
 
-def one_row(effect: Effect) -> dict[str, Any]:
+def sample_row(effect: Effect) -> dict[str, Any]:
     """One row of a table that states every condition."""
     return {name: np.array([1.0]) for name in conditions_for(effect)}
 
@@ -113,13 +113,13 @@ def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
     table = list(effect.checks(probe))
     if len(table) < LEAST_CHECKS:
         yield f"its table has {len(table)} lines; at least {LEAST_CHECKS} are needed"
-    yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not is_right(c))
+    yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not is_check_right(c))
 
 
 def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
     """Making any one parameter wrong by 10 % breaks some line of the table."""
     for f in fields(effect.params):
-        if all(is_right(check) for check in effect.checks(falsify_parameter(probe, f.name, WRONG))):
+        if all(is_check_right(check) for check in effect.checks(falsify_parameter(probe, f.name, WRONG))):
             yield f"no line of its table notices that {f.name} is wrong by 10 %"
 
 
@@ -174,13 +174,13 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         if near := get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE):
             meaning = f"did you mean '{near[0]}'?"
             yield f"it reads '{name}', which is not among the conditions of a scene; {meaning}"
-    if not np.all(np.isin(effect.can_act(one_row(effect)), (True, False))):
+    if not np.all(np.isin(effect.can_act(sample_row(effect)), (True, False))):
         yield "can_act does not give a mask"
 
 
 def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
     """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
-    conditions, row = RecordedConditions(conditions_for(effect)), RecordedConditions(one_row(effect))
+    conditions, row = RecordedConditions(conditions_for(effect)), RecordedConditions(sample_row(effect))
     params = effect.params()
     effect.can_act(row)
     effect.dose(params, conditions)
@@ -322,7 +322,7 @@ class Examination:
     seconds: float  # that the check took
 
 
-def examine(effect: Effect) -> Examination:
+def examine_effect(effect: Effect) -> Examination:
     """Check of one effect against the contract, on a device that is started for it and released."""
     started, table = perf_counter(), ()
     start_device(Numerics(threads=1))
@@ -340,14 +340,14 @@ def examine(effect: Effect) -> Examination:
 def examine_file(file: EffectFile) -> dict[str, Any]:
     """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
     effect = effect_in(file)
-    examination = examine(effect)
+    examination = examine_effect(effect)
     if not examination.can_act:
         raise BadInput(f"{file}: effect '{effect.name}' cannot act: {examination.breaches[0]}")
     checked = {"breaches": list(examination.breaches), "wall_s": examination.seconds}
     return {"effect": effect.name, "file": str(file)} | checked
 
 
-def refuse_unusable(paths: Iterable[Path]) -> list[dict[str, Any]]:
+def refuse_unusable_effects(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Checks of effect files before a session. Raises BadInput where an effect cannot act."""
     return [examine_file(file) for file in read_effect_files(paths)]
 

@@ -65,7 +65,7 @@ class Survey:
         return {"value": sum(fluxes) / len(rows), **sd, "n": len(rows), "source": "; ".join({*sources})[:500]}
 
 
-def asked_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float, ...]:
+def survey_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float, ...]:
     """Friction velocities of a list `0.3,0.4`, else those of a table, else usual ones. Raises BadInput."""
     if text is None:
         usual = (round(over * iversen_white(sand), 2) for over in USUAL_WINDS)
@@ -96,47 +96,47 @@ def measured_fluxes(path: Path) -> Fluxes:
     )
 
 
-def scenes_of(survey: Survey) -> dict[str, str]:
+def survey_scenes(survey: Survey) -> dict[str, str]:
     """Scene files of a survey by name: thresholds, then the flux in every wind."""
     winds = {"thresholds": None, **{f"flux_{wind:g}": wind for wind in survey.winds}}
-    return {name: scene_text(survey, wind) for name, wind in winds.items()}
+    return {name: survey_scene_text(survey, wind) for name, wind in winds.items()}
 
 
-def scene_text(survey: Survey, wind: float | None) -> str:
+def survey_scene_text(survey: Survey, wind: float | None) -> str:
     """Scene of the thresholds, or of the flux in one wind [m s-1]; heavier grains are stiffer."""
     path, sand = SCENE if wind is None else SCENE.with_name("quartz_flux.toml"), survey.sand
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     d, modulus = sand.diameter, float(document["materials"]["sand"]["shear_modulus"])
-    sizes = {"median": round_number(d), "low": round_number(0.8 * d), "high": round_number(1.25 * d)}
+    sizes = {"median": three_digits(d), "low": three_digits(0.8 * d), "high": three_digits(1.25 * d)}
     changes: dict[str, Any] = {
         "run.replicas": survey.beds,
         "grains.size": {"law": "lognormal", "sigma_log": 0.1, **sizes},
         "materials.sand.density": sand.density,
-        "materials.sand.shear_modulus": round_number(
+        "materials.sand.shear_modulus": three_digits(
             modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0)
         ),
     }
     if survey.moisture > 0.0:
         changes |= {"conditions.moisture": survey.moisture, "effects.liquid_bridge": {"strength": 1.0}}
-    for name, value in (changes | ({} if wind is None else blown_changes(survey, wind))).items():
+    for name, value in (changes | ({} if wind is None else wind_changes(survey, wind))).items():
         set_entry(document, name.split("."), value)
     text = "\n" + tomlkit.dumps(document)
     return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
-def round_number(value: float) -> float:
+def three_digits(value: float) -> float:
     """A number of three digits."""
     return float(f"{value:.3g}")
 
 
-def blown_changes(survey: Survey, wind: float) -> dict[str, Any]:
+def wind_changes(survey: Survey, wind: float) -> dict[str, Any]:
     """Entries of a wind [m s-1]: hops grow with its square, their durations with it."""
     measured, start = survey.measured_at(wind), max(STRONGER * wind, LEAST_START * iversen_white(survey.sand))
     return {
-        "wind.height": round_number(max(LID, LID_PER_WIND * wind**2)),
-        "stages.1.friction_velocity": round_number(start),
+        "wind.height": three_digits(max(LID, LID_PER_WIND * wind**2)),
+        "stages.1.friction_velocity": three_digits(start),
         "stages.2.friction_velocity": wind,
-        "stages.3.duration_max": round_number(max(BLOW, BLOW_PER_WIND * wind)),
+        "stages.3.duration_max": three_digits(max(BLOW, BLOW_PER_WIND * wind)),
         **({"measured.flux": measured} if measured else {}),
     }
 
@@ -145,7 +145,7 @@ def run_survey(
     survey: Survey, folder: Path, force: bool, report: Report
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Write and run the scenes of a survey, one after the other; yields name and document of each."""
-    texts = {folder / f"{name}.toml": text for name, text in scenes_of(survey).items()}
+    texts = {folder / f"{name}.toml": text for name, text in survey_scenes(survey).items()}
     for path in texts:
         refuse_foreign_file(path, SCENE, force)
     for number, (path, text) in enumerate(texts.items()):
@@ -166,7 +166,7 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
         report((count + share * beds) / max(most, beds), words)
 
     document = run_scene(path, RunOptions(no_record=True, progress=part))
-    while (count := count + beds) < MOST_BEDS and departure(document, survey.precise) > precision:
+    while (count := count + beds) < MOST_BEDS and relative_error(document, survey.precise) > precision:
         seed, beds = document["seed"] + count, min(survey.beds, MOST_BEDS - count)
         with suppress(SimulationStopped):  # of all beds of a group, which then adds nothing
             more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=part))
@@ -179,7 +179,7 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     return document
 
 
-def departure(document: Mapping[str, Any], name: str) -> float:
+def relative_error(document: Mapping[str, Any], name: str) -> float:
     """Distance of a threshold from the further end of its 95 % interval [1]; few beds are close by chance."""
     measure = document["measures"].get(name, {"n": 0})
     if measure["n"] < LEAST_BEDS or not (ends := measure["details"].get("interval")):

@@ -9,7 +9,7 @@ from taichi_erosion.evidence.words.run_words import compare_words, run_warnings,
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.measures.wind_formulas import RANGES
 from taichi_erosion.tables.number_words import plain
-from taichi_erosion.wind.survey import departure
+from taichi_erosion.wind.survey import relative_error
 
 Document = Mapping[str, Any]
 PATCH = (
@@ -22,14 +22,14 @@ INTERVAL = "brackets: 95 % over beds; ±: standard deviation"
 def threshold_table(document: Document) -> Table:
     """Thresholds u* by source, simulated ones first."""
     measures = document["runs"].get("thresholds", {}).get("measures", {})
-    rows = [(quantity(name), "simulated", with_interval(measure)) for name, measure in measures.items()]
+    rows = [(quantity(name), "simulated", interval_text(measure)) for name, measure in measures.items()]
     for name in ("fluid_threshold", "impact_threshold"):
         laws = document[name].items()
         rows += [(quantity(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
     return Table(f"thresholds, {INTERVAL}", ("u* [m/s]; ratio [1]", "by", "value"), tuple(rows))
 
 
-def with_interval(measure: Document, scale: float = 1.0) -> str:
+def interval_text(measure: Document, scale: float = 1.0) -> str:
     """`0.27 (0.26 to 0.28)` by the 95 % interval over beds; a deviation of its own where one bed has it."""
     numbers = {key: scale * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
     if not (bounds := measure.get("details", {}).get("interval")):
@@ -44,10 +44,10 @@ def flux_table(document: Document) -> Table:
     rows = []
     for wind, formulas, measurement in zip(document["winds"], document["flux"], measured, strict=True):
         measure = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
-        cells = [f"{wind:g}", *[with_interval(measure, 1e3)] * bool(runs)]
+        cells = [f"{wind:g}", *[interval_text(measure, 1e3)] * bool(runs)]
         cells += [
             *(plain(1e3 * formulas[law]) for law in laws),
-            *[with_interval(measurement, 1e3)] * any(measured),
+            *[interval_text(measurement, 1e3)] * any(measured),
         ]
         rows.append(tuple(cells))
     return Table(f"flux [g/(m s)], {INTERVAL}", head, tuple(rows))
@@ -60,7 +60,7 @@ def survey_notes(document: Document) -> Iterator[str]:
         yield from (f"warning: {name}: {line}" for line in run_warnings(run))
     yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():
-        if document["runs"] and (off := departure(document["runs"]["thresholds"], name)) > share:
+        if document["runs"] and (off := relative_error(document["runs"]["thresholds"], name)) > share:
             yield f"warning: {quantity(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
     if document["sand"]["moisture"] > 0.0:
         yield "The formulas are those of dry sand."

@@ -199,7 +199,7 @@ def test_verify_fails_as_a_whole_where_one_claim_fails(monkeypatch, capsys):
         calls.append((ids, words))
         return [HELD, BROKEN]
 
-    monkeypatch.setattr("taichi_erosion.verification.claims.verify", verify)
+    monkeypatch.setattr("taichi_erosion.verification.claims.verify_claims", verify)
     assert main(["verify", "V01", "V02", "--json"]) == 1
     ((ids, words),) = calls
     assert ids == ("V01", "V02")

@@ -40,7 +40,7 @@ CHECKS: dict[str, Check] = {
     "V19": adhesion.vanishing_adhesion,
     "V20": adhesion.friction_caps,
     "V22": invariance.single_and_double,
-    "V23": closed_forms.threads_and_ensembles,
+    "V23": closed_forms.thread_outcomes,
     "V25": vortices.lid_cavity,
     "V26": vortices.taylor_green,
     "V27": channel.plane_flows,

@@ -18,7 +18,7 @@ import numpy as np
 
 from doe.common.pages import MARKED, fill_tables
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.verification.claims import Claim, verify
+from taichi_erosion.verification.claims import Claim, verify_claims
 from tests.verification.contact.oblique_impact import OXIDE, impact_at, patch_angle, simulated
 from tests.verification.ladder import LADDER
 from tests.verification.reference import published
@@ -84,7 +84,7 @@ def draw_oblique_impact(file: Path) -> None:
 
 def main(ids: Sequence[str]) -> None:
     """Run the checks and fill the table; with ids, only the rows of these checks are replaced."""
-    claims = verify(LADDER, tuple(ids))
+    claims = verify_claims(LADDER, tuple(ids))
     text = PAGE.read_text(encoding="utf-8")
     (mark,) = MARKED.finditer(text)
     write_atomic(PAGE, fill_tables(text, {"claims": renewed(mark["table"], claims)}).encode())

@@ -10,7 +10,7 @@ from doe.common.pages import MARKED
 from taichi_erosion.cli import commands
 from taichi_erosion.cli.main import main
 from taichi_erosion.verification import closed_forms
-from taichi_erosion.verification.claims import Claim, Ladder, Outcome, as_claim, verify
+from taichi_erosion.verification.claims import Claim, Ladder, Outcome, as_claim, verify_claims
 from tests.verification.ladder import CHECKS, KNOWN, LADDER, is_known
 from tests.verification.page import PAGE, claim_rows, renewed
 
@@ -24,7 +24,7 @@ BRIEF = {"V04", "V05"}
 def test_every_claim_of_a_check_holds_or_is_known_to_fail(ident: str) -> None:
     failed = [
         f"{c.claim}: got {c.got:.6g}, want {c.want:.6g} +- {c.tolerance:.2g} ({c.precision})"
-        for c in verify(LADDER, [ident])
+        for c in verify_claims(LADDER, [ident])
         if not c.passed and not is_known(c)
     ]
     assert not failed, "\n".join(failed)
@@ -54,7 +54,7 @@ def test_a_check_that_breaks_is_a_claim_that_fails_and_says_why() -> None:
         raise ValueError("spheres were cubes")
 
     seen: list[Claim] = []
-    first, second = verify(Ladder({"V01": broken}), on_claim=seen.append)
+    first, second = verify_claims(Ladder({"V01": broken}), on_claim=seen.append)
     assert seen == [first, second]
     assert (first.passed, second.passed) == (True, False)
     assert "spheres were cubes" in second.claim

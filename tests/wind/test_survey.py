@@ -13,7 +13,7 @@ from taichi_erosion.measures.result import as_record
 from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
 from taichi_erosion.measures.wind_formulas import Sand
 from taichi_erosion.wind import survey as wind_survey
-from taichi_erosion.wind.survey import Survey, asked_winds, scenes_of
+from taichi_erosion.wind.survey import Survey, survey_scenes, survey_winds
 from taichi_erosion.wind.words import survey_notes
 
 SAND = Sand(0.18e-3, 2600.0)
@@ -29,7 +29,7 @@ def measured(tmp_path):
 
 
 def test_all_scenes_of_a_survey_have_one_sand_one_contact_one_drag_law_and_the_same_forces():
-    texts = scenes_of(Survey(SAND, (0.3, 0.5), 0.01, 4))
+    texts = survey_scenes(Survey(SAND, (0.3, 0.5), 0.01, 4))
     assert list(texts) == ["thresholds", "flux_0.3", "flux_0.5"]
     scenes = [tomllib.loads(text) for text in texts.values()]
     for name in ("grains", "contact", "effects", "conditions", "laws", "fill"):
@@ -46,7 +46,7 @@ def test_all_scenes_of_a_survey_have_one_sand_one_contact_one_drag_law_and_the_s
 
 @pytest.mark.parametrize("diameter", [0.1e-3, 0.25e-3, 1e-3])
 def test_scenes_of_fine_and_coarse_sands_are_valid_without_a_warning(diameter, tmp_path):
-    for name, text in scenes_of(Survey(Sand(diameter), (0.4,), 0.0, 2)).items():
+    for name, text in survey_scenes(Survey(Sand(diameter), (0.4,), 0.0, 2)).items():
         path = tmp_path / f"{name}.toml"
         path.write_text(text, encoding="utf-8")
         assert check_scene(path)["limits"].get("warnings", []) == []
@@ -58,17 +58,17 @@ def test_a_table_is_compared_in_its_own_winds_and_in_no_other(measured):
     survey = Survey(SAND, (0.3, 0.4, 0.5), 0.0, 2, rows)
     assert survey.measured_at(0.4)["value"] == pytest.approx(0.021)
     assert (survey.measured_at(0.4)["n"], survey.measured_at(0.5)) == (2, {})
-    texts = scenes_of(survey)
+    texts = survey_scenes(survey)
     assert tomllib.loads(texts["flux_0.4"])["measured"]["flux"]["value"] == pytest.approx(0.021)
     assert "measured" not in tomllib.loads(texts["flux_0.5"])
-    assert asked_winds(None, SAND, rows) == (0.3, 0.4)
+    assert survey_winds(None, SAND, rows) == (0.3, 0.4)
 
 
 def test_the_speed_of_a_tunnel_is_not_taken_for_a_friction_velocity():
-    assert asked_winds("0.3,0.4m/s", SAND, ()) == (0.3, 0.4)
+    assert survey_winds("0.3,0.4m/s", SAND, ()) == (0.3, 0.4)
     for text, told in (("6,8", "not the speed of the wind"), ("fast", "write friction velocities")):
         with pytest.raises(BadInput, match=told):
-            asked_winds(text, SAND, ())
+            survey_winds(text, SAND, ())
 
 
 def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, monkeypatch, capsys):
@@ -132,7 +132,7 @@ def test_beds_are_added_until_a_threshold_is_known(share, told, tmp_path, monkey
     assert len(done) > 3
     for count in range(3, len(done) + 1, 3):
         pooled = as_record(pool_beds([measure(seed) for seed in seeds[:count] if seed != STOPPED]))
-        off = wind_survey.departure({"measures": {"fluid_threshold": pooled}}, "fluid_threshold")
+        off = wind_survey.relative_error({"measures": {"fluid_threshold": pooled}}, "fluid_threshold")
         assert (off <= 0.05) == (count == len(done)) or told
     assert (len(done) == 39) == told == any("was asked" in line for line in survey_notes(document))
     pooled = as_record(pool_beds([measure(seed) for seed in done if seed != STOPPED]))

@@ -31,7 +31,7 @@ from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of_fit, to_
 from taichi_erosion.evidence.race.fit import Fit, Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, PRIORS, SEED
-from taichi_erosion.mechanisms.dose_forms import POWERS, Form, forms_of
+from taichi_erosion.mechanisms.dose_forms import POWERS, Form, allowed_forms
 
 FOLDS = 6  # of the groups, at most
 ROUNDS = 3  # expansions of a form about its own mean
@@ -162,7 +162,7 @@ def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
     curve = tabulate_model_over_dose(dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
     rows = law_rows_about_fit(race, fit, curve, place)
-    first = [fit_form_to_all_rows(rows, form, place.w) for form in forms_of(rows.conditions)]
+    first = [fit_form_to_all_rows(rows, form, place.w) for form in allowed_forms(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.complexity_penalty)
     settled = [converge_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
     low, high = dosing.dose_range_on_axis + np.array([[-STILL], [STILL]])

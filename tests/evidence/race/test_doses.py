@@ -25,7 +25,7 @@ from taichi_erosion.evidence.race.fit import Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import infer
 from taichi_erosion.evidence.record import MechanismPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
-from taichi_erosion.mechanisms.dose_forms import forms_of
+from taichi_erosion.mechanisms.dose_forms import allowed_forms
 from tests.evidence.ten_records import VOC
 
 CASE = 5058  # restitution that grows with moisture
@@ -209,7 +209,7 @@ def test_every_form_is_its_expression_and_nothing_without_its_condition(least: f
         "u_star": np.linspace(0.3, 0.8, 9)[::-1],
         "water": np.linspace(least, 0.04, 9),
     }
-    forms = list(forms_of(conditions))
+    forms = list(allowed_forms(conditions))
     for form in forms:
         numbers = np.array([0.7, *form.starts[0]])
         values = {name: repr(float(x)) for name, x in zip(("a", *form.names), numbers, strict=True)}

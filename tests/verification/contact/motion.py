@@ -24,7 +24,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
-from taichi_erosion.verification.closed_forms import crossing, hertz_impact, sphere_mass
+from taichi_erosion.verification.closed_forms import crossing_time, hertz_impact, sphere_mass
 from tests.verification import small_scenes as small
 from tests.verification.reference.contact import GRAVITY, Spring, rebound_speed, series, stacked_motion
 
@@ -162,7 +162,7 @@ def slide_to_roll() -> Iterator[Outcome]:
         slip = path.velocity[:, :, 0, 0] - ROLLING_RADIUS * path.spin[:, :, 0, 1]
         for k, friction in enumerate(frictions):
             # it falls along a line and is taken as over at 1e-4 of the start, above the ringing of the spring
-            over = crossing(path.time[:, k], slip[:, k], 1e-4 * speed)
+            over = crossing_time(path.time[:, k], slip[:, k], 1e-4 * speed)
             name = f"slide to roll, mu = {friction}"
             yield relative(f"{name}: time [s]", over, ends[k], 5e-3, precision)
             last = path.velocity[-1, k, 0, 0]
