@@ -38,9 +38,9 @@ from taichi_erosion.cli.options import (
     Text,
     Verbose,
     Whole,
-    help_of,
+    command_help,
 )
-from taichi_erosion.cli.progress import LOG, open_log, reporting
+from taichi_erosion.cli.progress import LOG, open_log, progress_report
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign_file
@@ -88,7 +88,7 @@ def print_version(flag: bool) -> None:
         raise typer.Exit
 
 
-def take_engine(name: str | None) -> str | None:
+def use_engine(name: str | None) -> str | None:
     """Compile with this engine, here and in workers."""
     if name:
         os.environ[SWITCH] = name
@@ -105,7 +105,7 @@ def program(
     engine: Annotated[
         Literal["taichi", "quadrants"] | None,
         Option(
-            callback=take_engine, is_eager=True, help="Compiler of the kernels, if installed; before COMMAND."
+            callback=use_engine, is_eager=True, help="Compiler of the kernels, if installed; before COMMAND."
         ),
     ] = None,
     log: Annotated[
@@ -121,7 +121,7 @@ def program(
         LOG.info("taichi-erosion %s: %s", __version__, shlex.join(context.obj))
 
 
-@app.command(**help_of("run", SIMULATE))
+@app.command(**command_help("run", SIMULATE))
 def run(
     scene: SceneFile,
     override: Override = None,
@@ -162,7 +162,7 @@ def run(
     options = typed_options(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= typed_options(decomposition=decomposition, checkpoint_interval=every, record=record)
     options |= typed_options(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
-    with reporting("simulating") as progress:
+    with progress_report("simulating") as progress:
         document = run_scene(
             scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
         )
@@ -173,7 +173,7 @@ def run(
         raise typer.Exit(ExitCode.STOPPED)
 
 
-@app.command(**help_of("sweep", SIMULATE))
+@app.command(**command_help("sweep", SIMULATE))
 def sweep(
     scene: SceneFile,
     over: Annotated[str, Option(metavar="PATH=A,B,C", help="Entry of the scene and its values.")],
@@ -198,7 +198,7 @@ def sweep(
     folder = out or Path("recordings") / f"{scene.stem}-{path}"
     ListedFolder(folder).refuse_foreign((sweeps.TABLE, sweeps.FIGURE), force)
     options = typed_options(replicas=replicas, effect_files=effect)
-    with reporting("sweeping") as progress:
+    with progress_report("sweeping") as progress:
         where = folder, workers, scheduler
         points = sweeps.sweep_entry(scene, over, override or (), **options, where=where, progress=progress)
     curves: dict[str, list[tuple[str, float, float]]] = {}
@@ -215,7 +215,7 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
     from taichi_erosion.evidence.words.run_words import set_up_consequences
     from taichi_erosion.execution import check_scene
 
-    document = check_scene(scene, overrides, effects, examine_effect)
+    document = check_scene(scene, overrides, effects, check_effect_file)
 
     def print_text(record: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {record['hash']}")
@@ -226,14 +226,14 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
     output.print_result(document, as_json, print_text)
 
 
-def examine_effect(file: "EffectFile") -> dict[str, Any]:
+def check_effect_file(file: "EffectFile") -> dict[str, Any]:
     """Check of the effect of a file; imports the device."""
     from taichi_erosion.verification.effect_contract import examine_file
 
     return examine_file(file)
 
 
-@app.command(**help_of("live", SIMULATE))
+@app.command(**command_help("live", SIMULATE))
 def live(
     scene: SceneFile,
     override: Override = None,
@@ -263,7 +263,7 @@ def live(
     run_prompt(session, path, page)
 
 
-def recording_of(file: Path) -> Path:
+def recording_to_view(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
     from taichi_erosion.scene.load import refuse_other_kind
 
@@ -275,7 +275,7 @@ def recording_of(file: Path) -> Path:
     return write_recording(file)
 
 
-@app.command(**help_of("view", SIMULATE))
+@app.command(**command_help("view", SIMULATE))
 def view(
     file: RecordingOrStudy,
     web: Annotated[bool, Option("--web", help="Serve a page for a browser on this machine.")] = False,
@@ -284,10 +284,10 @@ def view(
     if not web:
         from taichi_erosion.recording.viewer import open_viewer
 
-        raise typer.Exit(open_viewer(recording_of(file)))
+        raise typer.Exit(open_viewer(recording_to_view(file)))
     from taichi_erosion.recording.viewer import serve_web_viewer
 
-    with serve_web_viewer(recording_of(file)) as served:
+    with serve_web_viewer(recording_to_view(file)) as served:
         typer.echo(f"{served.instructions}\nCtrl-C ends it", err=True)
         try:
             threading.Event().wait()
@@ -295,7 +295,7 @@ def view(
             return
 
 
-@app.command(**help_of("snapshot", SIMULATE))
+@app.command(**command_help("snapshot", SIMULATE))
 def snapshot(
     file: RecordingOrStudy,
     time: Annotated[
@@ -312,10 +312,10 @@ def snapshot(
 
     picture_file = to or file.with_suffix(".snapshot.png")
     refuse_foreign_file(picture_file, file, force)
-    typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only, source=file)))
+    typer.echo(str(render_picture(recording_to_view(file), time, picture_file, view=only, source=file)))
 
 
-@app.command(**help_of("export", SIMULATE))
+@app.command(**command_help("export", SIMULATE))
 def export(
     file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
     vtk: Annotated[Path | None, Option(metavar="DIR", help="Folder for the VTK files.")] = None,
@@ -339,10 +339,10 @@ def export(
         typer.echo(str(door.export_chains(file, chains, time, force)))
 
 
-app.command(**help_of("audit", CHECK))(audit)
+app.command(**command_help("audit", CHECK))(audit)
 
 
-@measure.command(**help_of("measure repose"))
+@measure.command(**command_help("measure repose"))
 def repose(
     image: Annotated[Path, existing(metavar="IMAGE", help="Side view of a heap, PNG or JPEG.")],
     crop: Annotated[Text, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
@@ -378,7 +378,7 @@ def repose(
     output.print_result(record, as_json, output.print_measurement)
 
 
-@measure.command(**help_of("measure profile"))
+@measure.command(**command_help("measure profile"))
 def profile(
     table: Annotated[Path, existing(metavar="TABLE", help="Heights of heaps along a radius or a line.")],
     place: Annotated[Text, Option(metavar="HEADING", help="Column of the radius, or along the line.")] = None,
@@ -414,7 +414,7 @@ def source_module(name: str) -> ModuleType | None:
     return import_module(name)
 
 
-@app.command(**help_of("verify", CHECK))
+@app.command(**command_help("verify", CHECK))
 def verify(
     ids: Annotated[list[str] | None, Argument(metavar="ID", help="Claims such as V02; default: all.")] = None,
     strict: Annotated[bool, Option("--strict", help="Exit code 1 for known failures too.")] = False,
@@ -438,7 +438,7 @@ def verify(
         raise typer.Exit(ExitCode.FAILURE)
 
 
-@app.command(**help_of("bench", CHECK))
+@app.command(**command_help("bench", CHECK))
 def bench(
     arch: Annotated[Literal["cpu", "cuda"] | None, Option(help="Device; default: cpu.")] = None,
     large: Annotated[
@@ -456,12 +456,12 @@ def bench(
     cases = source_module("benchmarks.cases")
     if cases is None:
         raise BadInput("bench: the timed cases are in the source tree, not in the installed program")
-    with reporting("timing") as progress:
+    with progress_report("timing") as progress:
         document = cases.run_benchmarks(progress, **typed_options(arch=arch, size=size))
     output.print_result(document, as_json, output.print_cases)
 
 
-@app.command(**help_of("schema", CHECK))
+@app.command(**command_help("schema", CHECK))
 def schema(
     to: Annotated[
         File, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")

@@ -12,8 +12,8 @@ import typer
 from typer import Argument, Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import Arch, AsJson, Decomposition, File, Force, Text, Whole, help_of
-from taichi_erosion.cli.progress import KEPT, reporting
+from taichi_erosion.cli.options import Arch, AsJson, Decomposition, File, Force, Text, Whole, command_help
+from taichi_erosion.cli.progress import KEPT, progress_report
 from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def print_audit(document: output.Record) -> None:
         typer.echo("no error found")
 
 
-def run_steps(
+def run_and_print_steps(
     until: "Step", study: Path, entries: Mapping[str, Any], as_json: bool, force: bool, show: Show
 ) -> "Calibration":
     """Run a calibration up to a step and print the result of that step.
@@ -73,7 +73,7 @@ def run_steps(
     """
     from taichi_erosion.campaign.calibration import calibrate
 
-    with reporting("calibrating", KEPT) as progress:
+    with progress_report("calibrating", KEPT) as progress:
         calibration = calibrate(study, until, entries, progress, force=force)
     if as_json:
         output.print_json(calibration.document)
@@ -125,10 +125,10 @@ def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
         typer.echo(page.verdict(test, name, calibration.file.study.targets[name].unit).replace("**", ""))
 
 
-@doe.command(**help_of("doe design"))
+@doe.command(**command_help("doe design"))
 def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_steps("design", study, {}, as_json, force, lambda file, page: print_design(file, "design"))
+    run_and_print_steps("design", study, {}, as_json, force, lambda file, page: print_design(file, "design"))
 
 
 def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> None:
@@ -147,7 +147,7 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
     ) -> None:
         options = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
         entries = {name: value for name, value in options.items() if value is not None}
-        calibration = run_steps(
+        calibration = run_and_print_steps(
             "confirm" if step == "calibrate" else step, study, entries, as_json, force, show
         )
         if step != "calibrate":
@@ -160,7 +160,7 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
             for scene in calibration.document.get("calibrated_scenes", ()):
                 typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
 
-    doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
+    doe.command(step, help=summary, **command_help(f"doe {step}"))(command)
 
 
 add_step("run", "Make the runs of the screening design.", lambda file, page: print_design(file, "screen"))

@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader
 from typer import Argument, Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, File, help_of
+from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, File, command_help
 from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
 from taichi_erosion.evidence.words import shell_command
 
@@ -48,7 +48,7 @@ RESULT = ".discover.json"  # end of the name of a discovery's result
 MEANINGS = {"a": "dose at typical conditions", "k": "scale or onset, in the unit of the condition"}
 
 
-@app.command(**help_of("effects", EXPLAIN))
+@app.command(**command_help("effects", EXPLAIN))
 def effects(
     words: Annotated[
         list[str] | None,
@@ -97,7 +97,7 @@ def effects(
     elif names[0] in library:
         show_effect(library[names[0]], as_json)
     else:
-        show_shift(names[0], list(library), as_json)
+        show_closed_form_effect(names[0], list(library), as_json)
 
 
 def closed_form_effects() -> dict[str, str]:
@@ -107,7 +107,7 @@ def closed_form_effects() -> dict[str, str]:
     return {name: " ".join((law.__doc__ or "").split()) for name, law in reduced.EFFECTS.items()}
 
 
-def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
+def show_closed_form_effect(name: str, library: "list[str]", as_json: bool) -> None:
     """What an effect of the closed-form model does there. Raises BadInput where neither has the name."""
     shifts = closed_form_effects()
     if name not in shifts:
@@ -122,7 +122,7 @@ def show_library(library: "list[Effect]", as_json: bool, mechanisms: bool) -> No
     """Tables of all effects of scenes and of the closed-form model, or of mechanisms; details in JSON."""
     shifts = {} if mechanisms else closed_form_effects()
     if as_json:
-        listed = {effect.name: record(effect) for effect in library}
+        listed = {effect.name: effect_record(effect) for effect in library}
         return output.print_json({"effects": listed} | ({"closed_form": shifts} if shifts else {}))
     rows = ((effect.name, effect.title, effect.place) for effect in library)
     output.print_table("", ("effect", "what it is", "acts on"), rows)
@@ -138,22 +138,22 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
     examination = examine_effect(effect)
     if as_json:
         lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in examination.table]
-        page = record(effect) | {"checks": lines, "breaches": list(examination.breaches)}
+        page = effect_record(effect) | {"checks": lines, "breaches": list(examination.breaches)}
         output.print_json({"effects": {effect.name: page}})
     else:
         typer.echo((effect.doc or effect.title).strip())
         print_parameters(effect)
         rows = ((c.claim, f"{c.got:.7g}", f"{c.want:.7g}", f"{c.rtol:g}") for c in examination.table)
         output.print_table("verification", ("claim", "got", "want", "tolerance"), rows)
-        print_measured("measured shifts", SHIFT, measured_shifts(effect.name))
-        print_measured("known answers", ANSWER, rows_of("answers.csv", effect.name))
+        print_measured_table("measured shifts", SHIFT, measured_shifts(effect.name))
+        print_measured_table("known answers", ANSWER, measured_rows("answers.csv", effect.name))
         output.print_lines(examination.breaches, "breaks the contract: ")
         typer.echo(f"It {'does not keep' if examination.breaches else 'keeps'} the contract of effects.")
     if examination.breaches:
         raise typer.Exit(ExitCode.FAILURE)
 
 
-def print_measured(title: str, columns: tuple[str, ...], rows: list[dict[str, str]]) -> None:
+def print_measured_table(title: str, columns: tuple[str, ...], rows: list[dict[str, str]]) -> None:
     """Print some columns of a table of measured values."""
     if rows:
         output.print_table(title, columns, ([row[name] for name in columns] for row in rows))
@@ -184,7 +184,7 @@ def print_parameters(effect: "Effect") -> None:
         typer.echo(f"expected from the literature: {directions}")
 
 
-def record(effect: "Effect") -> dict[str, Any]:
+def effect_record(effect: "Effect") -> dict[str, Any]:
     """JSON record of an effect."""
     from taichi_erosion.core.effect import first_reference
 
@@ -205,7 +205,7 @@ def record(effect: "Effect") -> dict[str, Any]:
     }
 
 
-def rows_of(table: str, effect: str) -> list[dict[str, str]]:
+def measured_rows(table: str, effect: str) -> list[dict[str, str]]:
     """Rows of one effect in a table of the package data in `taichi_erosion/effect_library/measured/`."""
     text = (files("taichi_erosion.effect_library") / "measured" / table).read_text(encoding="utf-8")
     return [row for row in csv.DictReader(text.splitlines()) if row["effect"] == effect]
@@ -213,7 +213,7 @@ def rows_of(table: str, effect: str) -> list[dict[str, str]]:
 
 def measured_shifts(effect: str) -> list[dict[str, str]]:
     """Measured shifts of an effect that differ significantly from 0."""
-    rows = (row for table in SHIFTS for row in rows_of(table, effect))
+    rows = (row for table in SHIFTS for row in measured_rows(table, effect))
     return [row for row in rows if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"])]
 
 
@@ -230,19 +230,19 @@ def write_effect_file(
     if name in load_library() or path.exists():
         raise BadInput(f"effects new {name}: there is an effect or a file of this name; take another one")
     blank = "stateful_effect" if memory else f"{place}_effect"
-    text = law_file(name, discovery) if discovery else render(blank).replace("NAME", name)
+    text = law_effect_text(name, discovery) if discovery else effect_file_text(blank).replace("NAME", name)
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def render(kind: str, **entries: Any) -> str:
+def effect_file_text(kind: str, **entries: Any) -> str:
     """Text of a new effect file."""
     loader = PackageLoader("taichi_erosion.cli", "scaffold")
     environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     return environment.get_template(f"{kind}.txt").render(entries)
 
 
-def law_file(name: str, source: Path) -> str:
+def law_effect_text(name: str, source: Path) -> str:
     """Effect file of the law that a discovery found; `source` is its study or its result. Raises BadInput."""
     if source.suffix == ".toml":
         from taichi_erosion.campaign.study_file import read_evidence_study
@@ -254,8 +254,8 @@ def law_file(name: str, source: Path) -> str:
     if not (result.name.endswith(RESULT) and result.is_file()):
         raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study that has one")
     title = name.replace("_", " ").capitalize()
-    entries = law_entries(*read_law(result), *names_of_study(study))
-    return render("mechanism_law", name=name, title=title, source=result.name, **entries)
+    entries = law_entries(*read_law(result), *study_column_names(study))
+    return effect_file_text("mechanism_law", name=name, title=title, source=result.name, **entries)
 
 
 def read_law(result: Path) -> tuple["LawPart", Sequence["DosePart"]]:
@@ -276,7 +276,7 @@ def read_law(result: Path) -> tuple["LawPart", Sequence["DosePart"]]:
     return law, reply.record.mechanisms[law.mechanism].doses
 
 
-def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
+def study_column_names(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
     """Condition that each column of a study sets, "" for none, and units of conditions over those of SI.
 
     Both are empty without a study file: then names mean themselves.
@@ -320,12 +320,12 @@ def law_entries(
         "python": law.python,
         "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,
-        "numbers": [(key, each.value, *meaning_of(key, each.value)) for key, each in law.numbers.items()],
-        "points": check_points(doses, columns, mechanism),
+        "numbers": [(key, each.value, *number_meaning(key, each.value)) for key, each in law.numbers.items()],
+        "points": law_check_points(doses, columns, mechanism),
     }
 
 
-def meaning_of(key: str, value: float) -> tuple[str, float, float]:
+def number_meaning(key: str, value: float) -> tuple[str, float, float]:
     """Meaning and range of one number of a law."""
     if key in ("p", "q"):
         return "exponent", -WIDEST, WIDEST
@@ -333,7 +333,7 @@ def meaning_of(key: str, value: float) -> tuple[str, float, float]:
     return MEANINGS.get(key, "rate"), low, high
 
 
-def check_points(
+def law_check_points(
     parts: Sequence["DosePart"], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""

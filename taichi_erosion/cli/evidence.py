@@ -22,9 +22,9 @@ from taichi_erosion.cli.options import (
     Text,
     Verbose,
     Whole,
-    help_of,
+    command_help,
 )
-from taichi_erosion.cli.progress import KEPT, announce, reporting
+from taichi_erosion.cli.progress import KEPT, announce, progress_report
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, write_atomic
 
@@ -42,7 +42,7 @@ study_commands = typer.Typer(help="Make a study of a table, or validate one.", n
 StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML).")]
 
 
-def options_of(
+def study_options(
     budget: Annotated[
         Text,
         Option(
@@ -70,14 +70,14 @@ def options_of(
 
 
 def with_study_options(command: Command) -> Command:
-    """A command of the loop, with the options of `options_of` typed in place of its argument `options`."""
-    shared = signature(options_of).parameters
+    """A command of the loop, with the options of `study_options` typed in place of its argument `options`."""
+    shared = signature(study_options).parameters
     own_parameters = [each for name, each in signature(command).parameters.items() if name != "options"]
 
     @wraps(command)
     def wrapper(**words: Any) -> None:
         options = {name: words.pop(name) for name in shared}
-        command(options=options_of(**options), **words)
+        command(options=study_options(**options), **words)
 
     every = [
         each.replace(kind=Parameter.KEYWORD_ONLY)
@@ -88,11 +88,11 @@ def with_study_options(command: Command) -> Command:
     return wrapper
 
 
-def print_reply(
+def run_and_print_reply(
     title: str, compute: "Callable[[Progress], Reply]", options: "StudyOptions", as_json: bool, verbose: bool
 ) -> None:
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
-    with reporting(title, KEPT) as progress:
+    with progress_report(title, KEPT) as progress:
         reply = compute(lambda text, share: progress(share, text))
     if as_json:
         return output.print_json(reply.document)
@@ -107,16 +107,16 @@ def ask(name: str, title: str, summary: str) -> None:
         study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
     ) -> None:
         compute = getattr(import_module("taichi_erosion.evidence.answers.commands"), f"{name}_study")
-        print_reply(title, lambda report: compute(study, report, options), options, as_json, verbose)
+        run_and_print_reply(title, lambda report: compute(study, report, options), options, as_json, verbose)
 
-    app.command(name, help=summary, **help_of(name, EXPLAIN))(with_study_options(command))
+    app.command(name, help=summary, **command_help(name, EXPLAIN))(with_study_options(command))
 
 
 ask("compare", "comparing", "Calibrate the model, and show where it still disagrees with the measurements.")
 ask("discover", "discovering", "Find the missing effect: present, excluded, not testable, or not listed.")
 
 
-@app.command(**help_of("adopt", EXPLAIN))
+@app.command(**command_help("adopt", EXPLAIN))
 @with_study_options
 def adopt(
     study: StudyFile,
@@ -134,13 +134,13 @@ def adopt(
     def compute(report: Progress) -> "Reply":
         return adopt_study(study, effects, report, options)
 
-    print_reply("adopting", compute, options, as_json, verbose)
+    run_and_print_reply("adopting", compute, options, as_json, verbose)
 
 
 ask("next", "planning", "Find the cheapest experiments that tell the named explanation from its rivals.")
 
 
-@app.command(**help_of("predict", EXPLAIN))
+@app.command(**command_help("predict", EXPLAIN))
 @with_study_options
 def predict(
     study: StudyFile,
@@ -166,7 +166,7 @@ def predict(
     columns = ",".join(PREDICTED).encode()
     if out and out.exists() and not (out.is_file() and columns in out.read_bytes().partition(b"\n")[0]):
         raise BadInput(f"--out {one_line_name(out)}: exists, and holds no predictions; name another file")
-    with reporting("predicting", KEPT) as progress:
+    with progress_report("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
     output.print_result(
         reply.document, as_json, lambda _: output.print_parts(reply.about["set_up"], reply.answer())
@@ -177,7 +177,7 @@ def predict(
         typer.echo(f"written: {out}", err=as_json)
 
 
-@app.command(**help_of("report", EXPLAIN))
+@app.command(**command_help("report", EXPLAIN))
 def report(
     source: Annotated[
         Path, Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
@@ -195,7 +195,7 @@ def report(
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
 
 
-@study_commands.command("new", **help_of("study new"))
+@study_commands.command("new", **command_help("study new"))
 def new(
     table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
     out: Annotated[
@@ -268,12 +268,12 @@ def new(
     output.print_result(document, as_json, output.print_new_study)
 
 
-@study_commands.command("check", **help_of("study check"))
+@study_commands.command("check", **command_help("study check"))
 def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False) -> None:
     """Validate a study, its table, scenes, model and effect files; run nothing."""
     from taichi_erosion.evidence.answers.check_study import check_study
 
-    output.print_result(check_study(study, options_of(effect=effect)), as_json, output.print_check)
+    output.print_result(check_study(study, study_options(effect=effect)), as_json, output.print_check)
 
 
 def pairs(entries: Pairs, option: str) -> Mapping[str, str]:

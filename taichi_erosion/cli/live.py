@@ -86,7 +86,7 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
     try:
         for line in input_lines(session, page is not None):
             try:
-                text = interruptible(session, line, page.turn if page else nullcontext())
+                text = run_interruptible_line(session, line, page.turn if page else nullcontext())
             except (BadInput, SimulationStopped) as error:
                 if not sys.stdin.isatty():
                     raise
@@ -101,7 +101,7 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
         typer.echo(f"recording {stream.close(recorder.recording)}")
 
 
-def interruptible(session: Session, line: str, turn: AbstractContextManager[Any]) -> str:
+def run_interruptible_line(session: Session, line: str, turn: AbstractContextManager[Any]) -> str:
     """Text of a command; Ctrl-C ends a run between two advances, so that device and session agree."""
     with turn, defer_signals() as pending:
         session.callbacks.append(callback := lambda now: pending.raise_first_signal())

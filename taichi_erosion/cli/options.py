@@ -89,12 +89,12 @@ schema --study
 """
 
 
-def examples_of(command: str) -> tuple[str, ...]:
+def command_examples(command: str) -> tuple[str, ...]:
     """Lines of EXAMPLES that call a command."""
     return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
 
 
-def help_of(command: str, panel: str | None = None) -> dict[str, Any]:
+def command_help(command: str, panel: str | None = None) -> dict[str, Any]:
     """Keyword arguments of a command's registration: its examples, and its panel in the list of commands."""
-    lines = "\n".join(f"  ./erosion {example}" for example in examples_of(command))
+    lines = "\n".join(f"  ./erosion {example}" for example in command_examples(command))
     return {"epilog": f"Examples\n\n{lines}", "rich_help_panel": panel}

@@ -207,7 +207,7 @@ def print_new_study(document: Record) -> None:
         removal = f"{document['changes']['removed']} gone, the others stay held out or fitted"
         typer.echo(f"{document['study']} was there already; new or corrected rows: {changed}; {removal}")
         typer.echo("Its other entries stay as they are; --anew writes the whole study again.")
-    print_content(document)
+    print_study_content(document)
     print_lines(document["written"], "written: ")
     typer.echo(f"next: {shell_command('compare', document['study'])}")
 
@@ -217,12 +217,12 @@ def print_check(document: Record) -> None:
     typer.echo(f"{document['study']}: valid; nothing was run")
     if document["kind"] == "evidence":
         print_lines(effect_check_lines(document["effects"]))
-        print_content(document)
+        print_study_content(document)
         if document["held_out"]:
             typer.echo(f"held-out rows: drawn_from = {document['drawn_from']}")
 
 
-def print_content(document: Record) -> None:
+def print_study_content(document: Record) -> None:
     """Print rows, conditions, candidates and cost."""
     rows = ", ".join(f"{name} ({count} rows)" for name, count in document["observables"].items())
     typer.echo(f"measured: {rows}; {document['held_out']} rows are held out until an effect is adopted")

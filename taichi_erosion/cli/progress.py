@@ -27,12 +27,12 @@ def open_log(path: Path) -> None:
     except OSError as error:
         raise BadInput(f"--log {path}: cannot be written ({error.strerror})") from None
     handler.setFormatter(logging.Formatter(LAYOUT))
-    handler.handleError = lambda record: end_log(handler)
+    handler.handleError = lambda record: stop_log_after_error(handler)
     LOG.setLevel(logging.INFO)
     LOG.addHandler(handler)
 
 
-def end_log(handler: logging.FileHandler) -> None:
+def stop_log_after_error(handler: logging.FileHandler) -> None:
     """Stop logging after a write error; the command continues."""
     LOG.removeHandler(handler)
     sys.stderr.write(f"--log {handler.baseFilename}: cannot be written ({sys.exception()}); end of log\n")
@@ -58,7 +58,7 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 
 
 @contextmanager
-def reporting(title: str, reassurance: str = "") -> Iterator[Report]:
+def progress_report(title: str, reassurance: str = "") -> Iterator[Report]:
     """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL.
 
     Ctrl-C ends the program with a line on what is kept.

@@ -9,8 +9,8 @@ import typer
 from typer import Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import SIMULATE, AsJson, Force, Text, help_of
-from taichi_erosion.cli.progress import announce, reporting
+from taichi_erosion.cli.options import SIMULATE, AsJson, Force, Text, command_help
+from taichi_erosion.cli.progress import announce, progress_report
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 
@@ -18,7 +18,7 @@ app = typer.Typer()
 Precise = Literal["fluid_threshold", "impact_threshold", "threshold_ratio", "threshold_ratio_linear"]
 
 
-@app.command("wind", **help_of("wind", SIMULATE))
+@app.command("wind", **command_help("wind", SIMULATE))
 def survey_wind(
     sand: Annotated[str, Option(metavar="DIAMETER", help="Diameter of the grains, such as 0.18mm.")],
     wind: Annotated[
@@ -57,7 +57,7 @@ def survey_wind(
         wall = f"{cost / min(cores, beds):.0f} minutes on {cores} cores"
         wall += f"; at most {most} beds, {survey.core_minutes(most):.0f} core-minutes" if precision else ""
         announce(f"{beds} beds, {len(survey.winds)} winds: about {cost:.0f} core-minutes, {wall}")
-        with reporting("wind") as progress:
+        with progress_report("wind") as progress:
             for name, document in surveys.run_survey(survey, folder, force, progress):
                 runs[name] = document
                 announce(f"{name}: done in {document['wall_s']:.0f} s")

@@ -45,7 +45,7 @@ HELD = Claim("a sphere falls freely", 1.0, 1.0, 1e-6, "f64", "V01", True, 0.1)
 BROKEN = Claim("a sphere bounces", float("nan"), 2.0, 1e-6, "f32", "V02", False, 0.1)
 VALID = {"scene": "funnel", "hash": "abc", "effects": []}
 SCENE, RECORDING, PICTURE = Path("s.toml"), Path("a.rrd"), Path("a.png")
-CHECKED = ((SCENE, ("a=1",), (), commands.examine_effect), {})
+CHECKED = ((SCENE, ("a=1",), (), commands.check_effect_file), {})
 DRAWN = ((RECORDING, 0.5, PICTURE), {"view": None, "source": RECORDING})
 
 

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from taichi_erosion.cli.main import app, main
-from taichi_erosion.cli.options import examples_of
+from taichi_erosion.cli.options import command_examples
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,7 +31,7 @@ COMMANDS = dict(leaves(typer.main.get_command(app)))
 def test_help_shows_the_examples_and_hides_no_word_in_brackets(command: str, capsys) -> None:
     assert main([*command.split(), "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    for example in examples_of(command):
+    for example in command_examples(command):
         assert f"./erosion {example}" in printed
     for option in COMMANDS[command].params:
         # the formatter takes what stands in square brackets for markup and drops it
@@ -40,9 +40,9 @@ def test_help_shows_the_examples_and_hides_no_word_in_brackets(command: str, cap
 
 def test_every_command_has_examples_that_name_options_and_files_that_are_there() -> None:
     for name in COMMANDS:
-        assert examples_of(name), name
+        assert command_examples(name), name
         known = {word for option in COMMANDS[name].params for word in option.opts} | {"--help"}
-        for words in map(str.split, examples_of(name)):
+        for words in map(str.split, command_examples(name)):
             assert {word for word in words if word.startswith("-")} <= known
             for word in words:
                 inside = word.startswith(("scenes/", "doe/", "recordings/")) and not word.endswith("FILE.rrd")

@@ -30,7 +30,7 @@ def test_the_time_that_is_left_follows_from_the_pace_since_the_first_report(monk
     monkeypatch.setattr("rich.console.monotonic", lambda: clock[0])
     monkeypatch.setattr(progress, "LINE_INTERVAL", 0.0)
     monkeypatch.delenv("FORCE_COLOR", raising=False)
-    with progress.reporting("heaping") as report:
+    with progress.progress_report("heaping") as report:
         report(0.5, "2 heaps")  # done before, which does not count as pace
         clock[0] += 60.0
         report(0.75, "3 heaps")

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from taichi_erosion.cli.effects import render
+from taichi_erosion.cli.effects import effect_file_text
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.effect_file import effect_in, read_effect_file, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
 
-PULL = render("pair_effect").replace("NAME", "constant_pull")
+PULL = effect_file_text("pair_effect").replace("NAME", "constant_pull")
 REMEDY = "`effects new NAME` writes a file of the present interface"
 BROKEN = {  # change of a good file -> what is told of it
     ("EFFECT = ", "OTHER = "): "holds no EFFECT = Effect(...)",

@@ -3,14 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
-from taichi_erosion.cli.effects import render
+from taichi_erosion.cli.effects import effect_file_text
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.effect_library import load_library
 
 OWN = [
-    EffectFile(Path(__file__).with_name(f"{name}.py"), render(scaffold).replace("NAME", name))
+    EffectFile(Path(__file__).with_name(f"{name}.py"), effect_file_text(scaffold).replace("NAME", name))
     for scaffold, name in (("pair_effect", "constant_pull"), ("stateful_effect", "ageing_pull"))
 ]
 LIBRARY = load_library(OWN)

@@ -6,13 +6,13 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.campaign.request import request_of, simulation_function
-from taichi_erosion.cli.effects import render
+from taichi_erosion.cli.effects import effect_file_text
 from taichi_erosion.execution import ensemble
 from taichi_erosion.execution.checks import library_of, read_scene
 from taichi_erosion.scene import scene_hash
 from taichi_erosion.simulation import prepare
 
-PULL = render("pair_effect").replace("NAME", "constant_pull")
+PULL = effect_file_text("pair_effect").replace("NAME", "constant_pull")
 ON = ("effects.constant_pull.strength=1.0",)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.cli.effects import render
+from taichi_erosion.cli.effects import effect_file_text
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.simulator import row_at
@@ -14,7 +14,7 @@ from tests.evidence.small_study import write_study
 ROOT = Path(__file__).parents[3]
 FRICTION = "contact.grain-grain.friction_rolling"
 READING = (ROOT / "taichi_erosion" / "effect_library" / "repose_method.py").read_text(encoding="utf-8")
-PULL = render("pair_effect").replace("NAME", "constant_pull")
+PULL = effect_file_text("pair_effect").replace("NAME", "constant_pull")
 ROOTED = PULL.replace('"pull": strength', '"pull": conditions.get("root_density", 0.0) * strength').replace(
     "    constants=",
     '    reads=("root_density",),\n    dose=lambda params, known: known["root_density"],\n    constants=',
