@@ -152,9 +152,9 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
         )
         if step != "calibrate":
             return
-        from taichi_erosion.report.calibration_page import publish
+        from taichi_erosion.report.calibration_page import write_page_and_pictures
 
-        page = publish(calibration)
+        page = write_page_and_pictures(calibration)
         if not as_json:
             typer.echo(f"page: {page}")
             for scene in calibration.document.get("calibrated_scenes", ()):

@@ -11,16 +11,16 @@ def write_report(source: Path, to: Path | None = None, force: bool = False) -> P
     """
     from taichi_erosion.report import run_page
 
-    page = run_page if source.suffix in (".json", ".rrd") else page_of(source)
+    page = run_page if source.suffix in (".json", ".rrd") else page_module(source)
     return page.write_report(source, to, force)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study from the files in its folder. Raises BadInput where there are none."""
-    return page_of(study).write_recording(study)
+    return page_module(study).write_recording(study)
 
 
-def page_of(study: Path) -> ModuleType:
+def page_module(study: Path) -> ModuleType:
     """Pages of calibrations, whose study file has targets, or of evidence studies. Raises BadInput."""
     from taichi_erosion.campaign.study_file import read_study_file
     from taichi_erosion.report import calibration_page, study_page

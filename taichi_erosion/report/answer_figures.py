@@ -37,7 +37,7 @@ from taichi_erosion.report.figure_style import (
     Picture,
     panels,
     responsive_picture,
-    scale_axis,
+    set_axis_scale,
     single_panel,
 )
 from taichi_erosion.tables.number_words import heading
@@ -68,13 +68,13 @@ def ranked_places(record: Record) -> list[tuple[str, str]]:
     return [*pairs, *((name, most) for name in rest)]
 
 
-def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
+def observable_points(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
     """Rows of an observable in order of a condition, in the units of the table; without one in their own."""
     rows, scale = record.rows, voc.scale(observable)
     columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", *MODELS)}
     columns |= {f"gap_{key}": rows.residuals(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
-    table["limit"] = list(map(limit_of, rows.low, rows.high))
+    table["limit"] = list(map(limit_side, rows.low, rows.high))
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
     table["x"] = [voc.units.condition(axis, float(each)) for each in x]
     table["text"] = [row_text(record, voc, place) for place in range(len(table))]
@@ -87,7 +87,7 @@ def model_labels(record: Record) -> tuple[str, str, str]:
     return page_words.MEASURED, page_words.BARE, page_words.added_effects_text(record)
 
 
-def limit_of(low: float, high: float) -> str:
+def limit_side(low: float, high: float) -> str:
     """On which side of a measured value what was measured lies; empty for an ordinary value."""
     return "below" if low == -np.inf else "above" if high == np.inf else "between" if low < high else ""
 
@@ -97,7 +97,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     rows, units = record.rows, voc.units
     name = rows.observable[place]
     value, low, high = (float(column[place]) for column in (rows.measured, rows.low, rows.high))
-    side = limit_of(low, high)
+    side = limit_side(low, high)
     error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
     ends = Interval(value, value - error, value + error)
     measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
@@ -113,7 +113,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
-    points = points_of(record, voc, observable, axis)
+    points = observable_points(record, voc, observable, axis)
     labels = {name: label for name, label in zip(MODELS, model_labels(record)[1:], strict=True) if label}
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
@@ -131,10 +131,10 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
             values.plot(x, points[name], "_", ms=9.0, mew=1.8, color=MODELS[name], label=label)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
         for frame, title in ((values, quantity(observable)), (residuals, page_words.RESIDUAL)):
-            scale_axis(frame, "x", x)
+            set_axis_scale(frame, "x", x)
             frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
-        scale_axis(values, "y", plotted)
+        set_axis_scale(values, "y", plotted)
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(
@@ -221,7 +221,7 @@ def strength_picture(record: Record) -> Picture:
     return responsive_picture(draw, page_words.CAPTIONS["strengths"], "strengths")
 
 
-def number_picture(record: Record) -> Picture:
+def calibrated_number_picture(record: Record) -> Picture:
     """Calibrated numbers if nothing is missing, and with what is told."""
     is_told = bool(page_words.added_effects_text(record))
 
@@ -241,7 +241,7 @@ def number_picture(record: Record) -> Picture:
     return responsive_picture(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
-def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
+def draw_medians(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
     """Medians with 90 % intervals, rows of `sizes`, along a condition; a `line` with its band joins them."""
     value, low, high = sizes
     frame.axhline(zero, color=SOFT, lw=0.8)
@@ -252,7 +252,7 @@ def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, li
     frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
     style: dict[str, Any] = MARKS | {"color": AFTER, "mfc": AFTER}
     frame.plot(x, value, gid=f"rows:{name}", **style)
-    scale_axis(frame, "x", x)
+    set_axis_scale(frame, "x", x)
 
 
 def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture]:
@@ -268,7 +268,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
             figure, frame = single_panel(width, PANEL[1])
-            draw_sizes(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
+            draw_medians(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
             frame.set_title(f"{law.mechanism}: {counts}", loc="left")
@@ -292,7 +292,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
 
     def draw(width: float) -> Figure:
         figure, frame = single_panel(width, PANEL[1])
-        draw_sizes(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
+        draw_medians(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
         frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
         frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
         return figure
@@ -301,7 +301,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 
-def ladder_picture(record: Record) -> Picture:
+def misfit_picture(record: Record) -> Picture:
     """Misfit per row before and after, of rows that were fitted and of those that no fit has seen."""
     vault = record.vault
     before, after = (vault.chi2_per_row_before, vault.chi2_per_row_after) if vault else (np.nan, np.nan)
@@ -316,7 +316,7 @@ def ladder_picture(record: Record) -> Picture:
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for values, face in ((fitted, INK), (unseen, PAPER)):
             frame.plot(values, at, "o", color=INK, mfc=face, ms=6.0)
-        scale_axis(frame, "x", np.append(np.concatenate([fitted, unseen]), 1.0))
+        set_axis_scale(frame, "x", np.append(np.concatenate([fitted, unseen]), 1.0))
         frame.set_xlabel("misfit per row")
         return figure
 

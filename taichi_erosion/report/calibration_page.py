@@ -20,7 +20,7 @@ from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.figure_style import raster
-from taichi_erosion.report.html import address_of, origin_line, write_page
+from taichi_erosion.report.html import origin_line, picture_address, write_page
 from taichi_erosion.tables.number_words import markdown_table, round_to_scatter, value_and_sd_text
 
 Row = Mapping[str, Any]
@@ -50,7 +50,7 @@ RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
 
 
-def publish(calibration: Calibration) -> Path:
+def write_page_and_pictures(calibration: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
     folder = ListedFolder(calibration.file.folder)
     for name, figure in page_figures(calibration):
@@ -73,12 +73,12 @@ def publish(calibration: Calibration) -> Path:
         verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=round_to_scatter,
-        symbols=symbols(calibration),
+        symbols=parameter_symbols(calibration),
         kept=", ".join(calibration.file.labels[path] for path in document["analyse"]["kept"]),
         effects={name: markdown_table(*effect_table(calibration, name)) for name in targets},
         climb=markdown_table(*climb_table(calibration)),
         variance={name: markdown_table(*variance_table(calibration, name)) for name in targets},
-        equations={name: equation(calibration, name) for name in targets},
+        equations={name: natural_equation(calibration, name) for name in targets},
         optima=markdown_table(*optimum_table(calibration)),
         samples={name: sample_texts(tests[name]) for name in targets},
     )
@@ -94,14 +94,14 @@ def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     for name, target in targets.items():
         fit, unit = calibration.surface.fits[name], target.unit
         at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
-        yield f"effects_{name}", figures.effect_bars(analysed["responses"][name], analysed["kept"], unit)
-        yield f"surface_{name}", figures.contours(fit, names, unit, at, target.value)
-        yield f"hills_{name}", figures.response_surfaces(fit, names, unit, at)
-        yield f"perturbation_{name}", figures.perturbation(fit, names, unit, at)
-        yield f"fit_{name}", figures.predicted_against_actual(fit, unit)
-        yield f"residuals_{name}", figures.residuals(fit, calibration.surface.design.run_order)
+        yield f"effects_{name}", figures.effect_figure(analysed["responses"][name], analysed["kept"], unit)
+        yield f"surface_{name}", figures.contour_figure(fit, names, unit, at, target.value)
+        yield f"hills_{name}", figures.surface_figure(fit, names, unit, at)
+        yield f"perturbation_{name}", figures.perturbation_figure(fit, names, unit, at)
+        yield f"fit_{name}", figures.fitted_value_figure(fit, unit)
+        yield f"residuals_{name}", figures.residual_figure(fit, calibration.surface.design.run_order)
         values, predicted = document["confirm"]["values"][name], best["predicted"][name]
-        yield f"confirm_{name}", figures.confirmation_runs(values, name, target, predicted)
+        yield f"confirm_{name}", figures.confirmation_figure(values, name, target, predicted)
     name, target = next(iter(targets.items()))
     yield f"climb_{name}", figures.climb_curve(calibration.climb.design, name, calibration.climb.best, target)
 
@@ -149,11 +149,11 @@ def climb_table(calibration: Calibration) -> Cells:
     for step, row in enumerate(document["rows"]):
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
-        rows.append((f"{step}{mark}", *(four_digits(value) for value in values)))
+        rows.append((f"{step}{mark}", *(four_digit_text(value) for value in values)))
     return ("step", *(calibration.file.labels[path] for path in paths), *names), rows
 
 
-def four_digits(value: float) -> str:
+def four_digit_text(value: float) -> str:
     """Number in four digits; "none" for NaN."""
     return "none" if value != value else f"{value:.4g}"
 
@@ -161,19 +161,19 @@ def four_digits(value: float) -> str:
 def variance_table(calibration: Calibration, name: str) -> Cells:
     """Analysis of variance."""
     anova = calibration.document["surface"]["responses"][name]["anova"]
-    rows = [(row["label"], *(four_digits(row[key]) for key in VARIANCE)) for row in anova]
+    rows = [(row["label"], *(four_digit_text(row[key]) for key in VARIANCE)) for row in anova]
     return ("source", "sum of squares", "df", "mean square", "F", "p"), rows
 
 
-def equation(calibration: Calibration, name: str) -> str:
+def natural_equation(calibration: Calibration, name: str) -> str:
     """Equation in natural units, with the publication's symbols where the study names them."""
     text = calibration.document["surface"]["responses"][name]["natural_reduced"]
-    for path, symbol in sorted(symbols(calibration).items(), key=lambda each: -len(each[0])):
+    for path, symbol in sorted(parameter_symbols(calibration).items(), key=lambda each: -len(each[0])):
         text = text.replace(path, symbol)
     return text.replace("*", " \N{MIDDLE DOT} ").replace("^2", "\N{SUPERSCRIPT TWO}")
 
 
-def symbols(calibration: Calibration) -> dict[str, str]:
+def parameter_symbols(calibration: Calibration) -> dict[str, str]:
     """Letters of the parameters in the equations; those of a publication, else x1, x2, ..."""
     assert calibration.surface is not None
     paths = [factor.path for factor in calibration.surface.design.factors]
@@ -188,7 +188,7 @@ def optimum_table(calibration: Calibration) -> Cells:
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
-        row = [four_digits(one["settings"][path]) for path in paths]
+        row = [four_digit_text(one["settings"][path]) for path in paths]
         for predicted in (one["predicted"][name] for name in targets):
             half = 0.5 * (predicted["high"] - predicted["low"])  # as many digits as the interval deserves
             value, low, high = (round_to_scatter(predicted[key], half) for key in ("value", "low", "high"))
@@ -206,7 +206,7 @@ def sample_texts(test: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def read_finished(study: Path) -> CalibrationStudy:
+def read_finished_calibration(study: Path) -> CalibrationStudy:
     """Study whose page and table of runs exist. Raises BadInput where the calibration is not finished."""
     file = read_calibration_study(study)
     if not (file.folder / PAGE).is_file() or not (file.folder / "runs.csv").is_file():
@@ -216,10 +216,10 @@ def read_finished(study: Path) -> CalibrationStudy:
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a calibration. Raises BadInput where the calibration is not finished."""
-    file = read_finished(study)
+    file = read_finished_calibration(study)
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = PICTURE.sub(lambda match: f'<img src="{address_of(file.folder / match[1])}"', body)
+    body = PICTURE.sub(lambda match: f'<img src="{picture_address(file.folder / match[1])}"', body)
     body = body.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
     body = VERDICT.sub(r'<p class="verdict"><strong>\1.</strong>', body)
     sections = [(f"part{place}", heading) for place, heading in enumerate(HEADING.findall(body))]
@@ -237,23 +237,23 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a calibration. Raises BadInput where the calibration is not finished."""
-    file = read_finished(study)
+    file = read_finished_calibration(study)
     table = pd.read_csv(file.folder / "runs.csv", dtype={"failure": str}).fillna({"failure": ""})
     rows = [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
     pictures = {path.stem.replace("_", " "): path for path in sorted((file.folder / PICTURES).glob("*.png"))}
     lines = (file.folder / PAGE).read_text(encoding="utf-8").splitlines()
     keys = (*file.study.parameters, *map(file.measure, file.study.targets))
-    cells = [[run_name(row), *("" if row[k] != row[k] else f"{row[k]}" for k in keys)] for row in rows]
+    cells = [[design_run_name(row), *("" if row[k] != row[k] else f"{row[k]}" for k in keys)] for row in rows]
     runs = []  # with an existing recording, those of the last stage first
     for row in sorted(rows, key=lambda row: -STAGES.index(row["stage"])):
-        recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
+        recording = file.folder / "recordings" / f"{design_run_name(row)}-{row['seed']}.rrd"
         if recording.is_file():
             measures = {name: row[file.measure(name)] for name in file.study.targets}
             responses = {name: value for name, value in measures.items() if value == value}
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
             settings = {re.sub(r"[.-]", "_", path): row[path] for path in file.study.parameters}
-            caption = f"{run_name(row)}: {', '.join(texts)}"
-            runs.append(RecordedRun(run_name(row), caption, recording, settings | responses))
+            caption = f"{design_run_name(row)}: {', '.join(texts)}"
+            runs.append(RecordedRun(design_run_name(row), caption, recording, settings | responses))
     page = StudyPage(
         title=file.study.study.title or study.stem,
         summary="\n".join(line for line in lines if not line.startswith("![")),
@@ -266,6 +266,6 @@ def write_recording(study: Path) -> Path:
     return record_study(file.folder / RECORDING, page)
 
 
-def run_name(row: Row) -> str:
+def design_run_name(row: Row) -> str:
     """`surface-3`."""
     return f"{row['stage']}-{row['row']}"

@@ -33,12 +33,12 @@ PANEL = (3.3, 0.9 * 3.3)  # in
 
 
 @page_style()
-def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
+def surface_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
     """Fitted surface over every pair of factors."""
     pairs = list(combinations(range(len(fit.factors)), 2))
     figure, frames = panels(len(pairs), 3, PANEL, projection="3d")
     for axes, (i, j) in zip(frames, pairs, strict=True):
-        across, up, height = grid(fit, i, j, at)
+        across, up, height = response_grid(fit, i, j, at)
         axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)
         for side, factor in ((axes.xaxis, fit.factors[i]), (axes.yaxis, fit.factors[j])):
             side.set_label_text(names.get(factor.path, factor.path).replace(", ", ",\n"), fontsize=7.5)
@@ -52,14 +52,14 @@ def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
 
 
 @page_style()
-def contours(fit: Fit, names: Names, unit: str, at: Floats, target: float) -> Figure:
+def contour_figure(fit: Fit, names: Names, unit: str, at: Floats, target: float) -> Figure:
     """Contours of the response over every pair of factors, with the runs and, if reached, the target."""
     pairs = list(combinations(range(len(fit.factors)), 2))
     runs, place = to_natural(fit.factors, fit.coded), to_natural(fit.factors, at)
     labels = [names.get(factor.path, factor.path) for factor in fit.factors]
     figure, frames = panels(len(pairs), 3, PANEL)
     for axes, (i, j) in zip(frames, pairs, strict=True):
-        across, up, height = grid(fit, i, j, at)
+        across, up, height = response_grid(fit, i, j, at)
         axes.contourf(across, up, height, levels=LEVELS, cmap=MAP, alpha=0.35)
         axes.clabel(axes.contour(across, up, height, levels=LEVELS, colors=LINE, linewidths=0.8), fontsize=7)
         if height.min() < target < height.max():
@@ -71,7 +71,7 @@ def contours(fit: Fit, names: Names, unit: str, at: Floats, target: float) -> Fi
     return figure
 
 
-def grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats, Floats]:
+def response_grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats, Floats]:
     """Natural values of two factors and the response over them, each [TICKS, TICKS]."""
     ticks = np.linspace(-1.0, 1.0, TICKS)
     points = np.tile(at, (TICKS, TICKS, 1))
@@ -81,7 +81,7 @@ def grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 @page_style()
-def perturbation(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
+def perturbation_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
     """Response along each factor."""
     ticks = np.linspace(-1.0, 1.0, TICKS)
     figure, axes = single_panel(*PANEL)
@@ -97,7 +97,7 @@ def perturbation(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
 
 
 @page_style()
-def predicted_against_actual(fit: Fit, unit: str) -> Figure:
+def fitted_value_figure(fit: Fit, unit: str) -> Figure:
     """Fitted against simulated values."""
     figure, axes = single_panel(*PANEL)
     ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]
@@ -108,7 +108,7 @@ def predicted_against_actual(fit: Fit, unit: str) -> Figure:
 
 
 @page_style()
-def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
+def residual_figure(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     """Studentized residuals against normal scores, fitted values and run order; Cook's distance.
 
     Each residual's own run is left out of its error; dashed: the Bonferroni limit at 5 %. `run_order` is the
@@ -140,7 +140,7 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
 
 
 @page_style()
-def effect_bars(record: Record, factors: Sequence[str], unit: str) -> Figure:
+def effect_figure(record: Record, factors: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = record["effects"][::-1]
     figure, axes = single_panel(6.4, 0.32 * len(effects) + 1.0)
@@ -160,7 +160,7 @@ def effect_bars(record: Record, factors: Sequence[str], unit: str) -> Figure:
 def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
     """Response along the path of steepest ascent, with the measured value."""
     figure, axes = single_panel(4.6, 2.8)
-    measured_band(axes, target)
+    draw_measured_band(axes, target)
     steps = np.arange(len(design))
     axes.plot(steps, design.responses[name], "o-", color=LINE)
     axes.plot(best, design.responses[name][best], "o", markersize=11, fillstyle="none", color=LINE)
@@ -168,17 +168,17 @@ def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
     return figure
 
 
-def measured_band(axes: Axes, target: Target) -> None:
+def draw_measured_band(axes: Axes, target: Target) -> None:
     """Measured value with one standard deviation of single repeats."""
     axes.axhspan(target.value - target.sd, target.value + target.sd, color=POINT, alpha=0.15, linewidth=0)
     axes.axhline(target.value, color=POINT, linewidth=1.0)
 
 
 @page_style()
-def confirmation_runs(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
+def confirmation_figure(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
     """Confirmation runs at the optimum, with prediction and measurement."""
     figure, axes = single_panel(3.6, 2.8)
-    measured_band(axes, target)
+    draw_measured_band(axes, target)
     half = 0.5 * (predicted["high"] - predicted["low"])
     axes.errorbar([0.0], [predicted["value"]], yerr=[half], fmt="s", color=PALE, capsize=3)
     axes.plot(np.linspace(0.85, 1.15, len(values)), values, "o", color=LINE)

@@ -83,7 +83,7 @@ def responsive_picture(
 
 
 @page_style()
-def with_key(picture: Picture) -> Figure:
+def figure_with_key(picture: Picture) -> Figure:
     """Figure of a picture that stands alone, with the key that a page has beside it."""
     assert picture.figure is not None
     handles, labels = picture.figure.axes[0].get_legend_handles_labels()
@@ -164,7 +164,7 @@ def single_panel(width: float, height: float) -> tuple[Figure, Axes]:
     return figure, frame
 
 
-def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
+def set_axis_scale(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
     """Logarithmic axis with plain numbers for values of a wide range, else a linear one."""
     axis = frame.xaxis if which == "x" else frame.yaxis
     finite = values[np.isfinite(values)]

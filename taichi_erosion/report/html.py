@@ -20,10 +20,10 @@ from taichi_erosion.tables.number_words import plain
 def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:
     """Write the page of a source; a file that is not its page stays unless forced. Raises BadInput."""
     refuse_foreign_file(to, source, force)
-    return write_atomic(to, mark_html(to, source, render(template, fields)))
+    return write_atomic(to, mark_html(to, source, render_template(template, fields)))
 
 
-def render(template: str, fields: Mapping[str, Any]) -> str:
+def render_template(template: str, fields: Mapping[str, Any]) -> str:
     """HTML page of a template. Texts are escaped; a missing field is an error."""
     environment = Environment(
         loader=PackageLoader("taichi_erosion.report"),
@@ -31,7 +31,7 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    environment.filters |= {"number": number, "commands": commands}
+    environment.filters |= {"number": three_digit_text, "commands": mark_commands}
     return environment.get_template(template).render(**fields)
 
 
@@ -40,16 +40,16 @@ def origin_line(seeds: str, version: str = __version__) -> str:
     return f"Made on {date.today().isoformat()} with taichi_erosion {version}, {seeds}."
 
 
-def number(value: float | None) -> str:
+def three_digit_text(value: float | None) -> str:
     """Number in three significant digits; "-" for None and NaN."""
     return "-" if value is None or not isfinite(value) else plain(value)
 
 
-def commands(line: str) -> Markup:
+def mark_commands(line: str) -> Markup:
     """A line with its commands marked."""
     return Markup(re.sub("`(.+?)`", r"<code>\1</code>", str(escape(line))))
 
 
-def address_of(file: Path) -> str:
+def picture_address(file: Path) -> str:
     """Picture file as data address."""
     return f"data:{guess_type(file)[0]};base64,{base64.b64encode(file.read_bytes()).decode()}"

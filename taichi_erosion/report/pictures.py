@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from taichi_erosion.core.files import mark_png, write_atomic
 from taichi_erosion.measures.photograph import read_grey_picture
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, Sand, flux_by
-from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, page_style, panels, raster, scale_axis
+from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, page_style, panels, raster, set_axis_scale
 
 Document = Mapping[str, Any]
 
@@ -42,10 +42,10 @@ def draw_thresholds(frame: Axes, document: Document) -> None:
         values = [law(Sand(float(d), sand["density"])) for d in DIAMETERS]
         frame.plot(1e3 * DIAMETERS, values, line, color=INK, lw=1.0, label=name)
     for name, colour in (("fluid_threshold", BEFORE), ("impact_threshold", AFTER)):
-        value, *reach = np.reshape(reaches(measures.get(name, {})), (3, 1))
+        value, *reach = np.reshape(value_and_reaches(measures.get(name, {})), (3, 1))
         label = f"simulated, {name.partition('_')[0]}"
         frame.errorbar([1e3 * sand["diameter"]], value, reach, fmt="o", color=colour, label=label)
-    scale_axis(frame, "x", 1e3 * DIAMETERS)
+    set_axis_scale(frame, "x", 1e3 * DIAMETERS)
     frame.set(xlabel="grain diameter [mm]", ylabel="threshold u* [m/s]")
 
 
@@ -58,13 +58,13 @@ def draw_flux(frame: Axes, document: Document) -> None:
         frame.plot(sand.air_density * line_winds**2, flux, line, color=INK, lw=1.0, label=name)
     runs = [document["runs"].get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {}) for wind in winds]
     for rows, mark, color in ((document["measured"], "s", BEFORE), (runs, "o", AFTER)):
-        value, *reach = 1e3 * np.array(list(map(reaches, rows))).T
+        value, *reach = 1e3 * np.array(list(map(value_and_reaches, rows))).T
         label = "simulated" if mark == "o" else "measured"
         frame.errorbar(sand.air_density * np.square(winds), value, reach, fmt=mark, color=color, label=label)
     frame.set(xlabel="stress of the wind [Pa]", ylabel="flux [g/(m s)]")
 
 
-def reaches(measure: Document) -> tuple[float, float, float]:
+def value_and_reaches(measure: Document) -> tuple[float, float, float]:
     """Value, and how far its 95 % interval over beds, else its deviation, reaches below and above."""
     value, sd = measure.get("value") or np.nan, measure.get("sd") or 0.0
     bounds = measure.get("details", {}).get("interval") or {"low": value - sd, "high": value + sd}

@@ -13,7 +13,7 @@ from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive_picture
-from taichi_erosion.report.html import address_of, origin_line, write_page
+from taichi_erosion.report.html import origin_line, picture_address, write_page
 from taichi_erosion.tables.number_words import count_noun, heading
 
 Document = Mapping[str, Any]
@@ -61,14 +61,14 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "notes": list(run_words.run_notes(document)),
         "titles": {name: quantity(name) for name in document["measures"]},
         "replicas": document["replicas"],
-        "figure_of_measures": draw_measures(document),
-        "pictures": list(pictures(document, source)),
-        "facts": list(facts(document)),
+        "figure_of_measures": measure_picture(document),
+        "pictures": list(run_pictures(document, source)),
+        "facts": list(facts_for_repeat(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
 
 
-def draw_measures(document: Document) -> Picture | None:
+def measure_picture(document: Document) -> Picture | None:
     """Measures by seed with mean and standard deviation, and the measured value.
 
     A single seed is drawn only beside a measured value.
@@ -101,7 +101,7 @@ def draw_measures(document: Document) -> Picture | None:
     )
 
 
-def pictures(document: Document, source: Path) -> Iterator[Picture]:
+def run_pictures(document: Document, source: Path) -> Iterator[Picture]:
     """Silhouettes and film, if their files exist."""
     for kind, description in (
         ("silhouettes", "Silhouettes from all azimuths with the fitted slopes."),
@@ -110,10 +110,10 @@ def pictures(document: Document, source: Path) -> Iterator[Picture]:
         name = document.get(kind)
         file = source.with_name(Path(name).name) if name else None
         if file and file.is_file() and file.stat().st_size < LARGEST_FILM:
-            yield Picture(description, address_of(file))
+            yield Picture(description, picture_address(file))
 
 
-def facts(document: Document) -> Iterator[tuple[str, str]]:
+def facts_for_repeat(document: Document) -> Iterator[tuple[str, str]]:
     """Time step, inputs and versions, for a repeat."""
     limits = document.get("limits", {})
     if limits:

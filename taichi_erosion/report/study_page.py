@@ -23,7 +23,7 @@ from taichi_erosion.evidence.words.part_words import sure_and_either
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
-from taichi_erosion.report.figure_style import Figure, Picture, raster, with_key
+from taichi_erosion.report.figure_style import Figure, Picture, figure_with_key, raster
 from taichi_erosion.report.html import origin_line, write_page
 from taichi_erosion.tables.number_words import markdown_table
 
@@ -45,13 +45,13 @@ class Section:
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a study. Raises BadInput before its first answer."""
-    page, _ = page_and_answer(study)
+    page, _ = fields_and_answer(study)
     return write_page(to or folder_of(study) / f"{study.stem}.report.html", study, force, TEMPLATE, page)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study. Raises BadInput before its first answer."""
-    page, first = page_and_answer(study)
+    page, first = fields_and_answer(study)
     about, seed, sections = first.about, first.record.seed, page["sections"]
     pictures = [page["first"], *(picture for section in sections for picture in section.pictures)]
     tables = [table for section in sections for table in section.tables]
@@ -62,13 +62,13 @@ def write_recording(study: Path) -> Path:
         title=page["title"],
         summary="\n\n".join(lines),
         table="\n".join(f"## {each.title}\n\n{markdown_table(each.columns, each.rows)}" for each in tables),
-        figures={each.name: raster(with_key(each)) for each in pictures},
+        figures={each.name: raster(figure_with_key(each)) for each in pictures},
         properties={"rows": about["rows_visible"], "held_out": about["rows_hidden"], "seed": seed},
     )
     return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", recorded)
 
 
-def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
+def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
     replies, others = current_and_stale_replies(study)
     answers = replies.values()
@@ -117,7 +117,7 @@ def folder_of(study: Path) -> Path:
 def first_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
     place = figures.ranked_places(reply.record)[0]
-    return with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
+    return figure_with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
 def answer_page(
@@ -145,8 +145,8 @@ def answer_page(
         missing += [figures.posterior_picture(record)]
         missing += [figures.strength_picture(record)] if record.effects else []
     adoption = records.get("adopt", leading)
-    misfits = [figures.ladder_picture(adoption)] if page_words.added_effects_text(adoption) else []
-    numbers = [figures.number_picture(adoption)] if adoption.parameters else []
+    misfits = [figures.misfit_picture(adoption)] if page_words.added_effects_text(adoption) else []
+    numbers = [figures.calibrated_number_picture(adoption)] if adoption.parameters else []
     columns = missing, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
     tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)

@@ -19,7 +19,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments.design import Factor
 from taichi_erosion.report import write_report
-from taichi_erosion.report.calibration_page import publish, write_recording
+from taichi_erosion.report.calibration_page import write_page_and_pictures, write_recording
 from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg
@@ -147,7 +147,7 @@ def test_a_step_called_again_runs_nothing_and_says_the_same(found, monkeypatch):
 
 @pytest.fixture(scope="module")
 def page(found):
-    return publish(found)
+    return write_page_and_pictures(found)
 
 
 def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, tmp_path):

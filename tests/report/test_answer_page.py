@@ -13,7 +13,7 @@ from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, s
 from taichi_erosion.evidence.answers.files import after_adoption
 from taichi_erosion.evidence.record import Interval, ParameterPart, RowsPart
 from taichi_erosion.report.answer_figures import rows_by_mark
-from taichi_erosion.report.html import render
+from taichi_erosion.report.html import render_template
 from taichi_erosion.report.study_page import TEMPLATE, answer_page
 from tests.report.browser import assert_readable
 
@@ -51,7 +51,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     voc = replace(VOC, study=str(HOME / "lab.toml"), results=str(HOME / VOC.results))
     files = {name: folder / f"{name}.html" for name in PAGES}
     for name, records in PAGES.items():
-        files[name].write_text(render(TEMPLATE, answer_page("Heaps", records, voc)), "utf-8")
+        files[name].write_text(render_template(TEMPLATE, answer_page("Heaps", records, voc)), "utf-8")
     return files
 
 
