@@ -15,7 +15,7 @@ Report = Callable[[float, str], None]  # (share done [1], words)
 
 
 @contextmanager
-def progress(title: str) -> Iterator[Report]:
+def progress_bar(title: str) -> Iterator[Report]:
     """Context with a progress function: a bar in a terminal or a notebook, nothing where stderr is a file."""
     console = Console(stderr=True)
     if not (sys.stderr.isatty() or console.is_jupyter):
@@ -26,7 +26,7 @@ def progress(title: str) -> Iterator[Report]:
         yield lambda share, words: bar.update(task, completed=share, description=f"{title}: {words}")
 
 
-def html(title: str, sentences: Iterable[str], tables: Iterable[pd.DataFrame]) -> str:
+def result_html(title: str, sentences: Iterable[str], tables: Iterable[pd.DataFrame]) -> str:
     """HTML of a result: title, sentences, tables."""
     parts = [f"<p><b>{escape(title)}</b></p>", *(f"<p>{escape(one)}</p>" for one in sentences)]
     return "\n".join(
@@ -47,7 +47,7 @@ class WholeTable(pd.DataFrame):
             return super().__repr__()
 
 
-def frame(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> WholeTable:
+def table_of_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> WholeTable:
     """Table of rows; `columns` are those of a table without rows."""
     records = list(rows)
     return WholeTable(records) if records else WholeTable(columns=list(columns))

@@ -21,8 +21,8 @@ from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from taichi_erosion import simulation
-from taichi_erosion.api.prompt import execute, parse_time
-from taichi_erosion.api.session_entries import controls
+from taichi_erosion.api.prompt import execute_line, parse_end_time
+from taichi_erosion.api.session_entries import changeable_numbers
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
@@ -121,15 +121,15 @@ class Page:
         with self.turn:
             self.version, self.error = self.version + 1, ""
             if name == "pick":
-                return execute(self.session, f"grain {self.idents[int(words[0])]}")
+                return execute_line(self.session, f"grain {self.idents[int(words[0])]}")
             if name not in ("play", "run", "pause", "speed"):
-                return execute(self.session, line)
+                return execute_line(self.session, line)
             if name == "speed":
                 self.speed = max(float(*words), 1e-6)
             elif name != "pause":
                 live.raise_if_session_failed(self.session)
                 self.until_rest = words == ["until", "rest"]
-                self.goal = parse_time(self.session, *words) if words and not self.until_rest else inf
+                self.goal = parse_end_time(self.session, *words) if words and not self.until_rest else inf
                 self.playing = True
         return ""
 
@@ -214,7 +214,7 @@ class Page:
             return self.state(count, latest, query.get("name", ""))
         if name == "controls":
             with self.turn:
-                return controls(self.session)
+                return changeable_numbers(self.session)
         return self.leave()
 
 

@@ -40,22 +40,22 @@ help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
 
 
-def step(session: Session, count: str = "1") -> str:
+def step_command(session: Session, count: str = "1") -> str:
     if not count.isdigit():
         raise BadInput(f"'{count}' is not a number of steps")
     live.run_session_steps(session, int(count))
-    return status(session)
+    return status_command(session)
 
 
-def run(session: Session, *time: str) -> str:
+def run_command(session: Session, *time: str) -> str:
     if time == ("until", "rest"):
         is_at_rest = live.run_until_rest(session)
-        return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
-    live.run_until_time(session, parse_time(session, *time))
-    return status(session)
+        return status_command(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
+    live.run_until_time(session, parse_end_time(session, *time))
+    return status_command(session)
 
 
-def parse_time(session: Session, *words: str) -> float:
+def parse_end_time(session: Session, *words: str) -> float:
     """Time [s] that is meant by `0.5s` from now on, or `to 0.5s`. Raises BadInput."""
     start = 0.0 if words[:1] == ("to",) else session.time
     try:
@@ -64,33 +64,33 @@ def parse_time(session: Session, *words: str) -> float:
         raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s") from None
 
 
-def set_entry(session: Session, path: str, value: str) -> str:
+def set_command(session: Session, path: str, value: str) -> str:
     before = live.warnings_of_present_scene(session)
     reply = live.set_entry(session, path, value)
     new = [f"\nwarning: {each}" for each in live.warnings_of_present_scene(session) if each not in before]
     return f"{path} = {value} {reply}{''.join(new)}"
 
 
-def insert(session: Session, count: str, way: str = "", *place: str) -> str:
+def insert_command(session: Session, count: str, way: str = "", *place: str) -> str:
     number, at = 0, tuple[float, ...]()
     if len(place) == {"": 0, "at": 3, "through": 1}.get(way):
         with suppress(ValueError):
             at = tuple(map(float, place)) if way == "at" else ()
             number = int(count)
     if not number:
-        raise BadInput(f"usage: {usage('insert')}")
+        raise BadInput(f"usage: {usage_line('insert')}")
     live.insert_grains(session, number, at, place[0] if way == "through" else "")
-    return status(session)
+    return status_command(session)
 
 
-def remove(session: Session, *numbers: str) -> str:
+def remove_command(session: Session, *numbers: str) -> str:
     if not all(map(str.isdigit, numbers or [""])):
-        raise BadInput(f"usage: {usage('remove')}")
+        raise BadInput(f"usage: {usage_line('remove')}")
     live.remove_grains(session, *map(int, numbers))
-    return status(session)
+    return status_command(session)
 
 
-def measure(session: Session) -> str:
+def measure_command(session: Session) -> str:
     lines, faults = [], []
     for name, measurement in live.measure_now(session).items():
         reason = ", ".join(measurement.notes[:1]) or "the state holds none"
@@ -101,13 +101,13 @@ def measure(session: Session) -> str:
     return "\n".join([*lines, *faults]) or "the scene has no measures"
 
 
-def plot(session: Session, name: str, file: str) -> str:
+def plot_command(session: Session, name: str, file: str) -> str:
     from taichi_erosion.report.figure_style import curve_figure, raster
 
     return str(live.write_file(session, Path(file), raster(curve_figure(*live.curve(session, name), name))))
 
 
-def watch(session: Session, *names: str) -> str:
+def watch_command(session: Session, *names: str) -> str:
     if names == ("off",):
         session.watched.clear()
     else:
@@ -115,37 +115,37 @@ def watch(session: Session, *names: str) -> str:
     return f"watching {', '.join(session.watched) or 'nothing'}"
 
 
-def diff(session: Session, before: str | None = None, after: str | None = None) -> str:
-    differences = entries.differences(session, before, after).items()
+def diff_command(session: Session, before: str | None = None, after: str | None = None) -> str:
+    differences = entries.changed_entries(session, before, after).items()
     return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in differences) or "no entry differs"
 
 
-def status(session: Session) -> str:
+def status_command(session: Session) -> str:
     return "  ".join(
         f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
         for name, value in live.session_status(session).items()
     )
 
 
-def save(session: Session, name: str = "last") -> str:
+def save_command(session: Session, name: str = "last") -> str:
     live.save_state_as(session, name)
     return f"saved as '{name}' at {session.time:.6g} s"
 
 
-def back(session: Session, name: str = "last", *time: str) -> str:
+def back_command(session: Session, name: str = "last", *time: str) -> str:
     if name == "to" and time:
-        live.return_to_time(session, parse_time(session, name, *time))
+        live.return_to_time(session, parse_end_time(session, name, *time))
     else:
         live.restore_saved_state(session, name)
-    return status(session)
+    return status_command(session)
 
 
-def undo(session: Session) -> str:
+def undo_command(session: Session) -> str:
     live.undo_latest_change(session)
-    return status(session)
+    return status_command(session)
 
 
-def grain(session: Session, number: str) -> str:
+def grain_command(session: Session, number: str) -> str:
     now, network = simulation.snapshot(session.sim, 0), simulation.contact_network(session.sim, 0)
     rows = np.flatnonzero(now.ident.astype(str) == number)
     if not len(rows):
@@ -162,63 +162,63 @@ def grain(session: Session, number: str) -> str:
     return text
 
 
-def history(session: Session, file: str = "") -> str:
+def history_command(session: Session, file: str = "") -> str:
     return str(live.write_session_commands(session, Path(file))) if file else "\n".join(session.history)
 
 
-def script(session: Session, file: str) -> str:
+def script_command(session: Session, file: str) -> str:
     if not Path(file).is_file():
         raise BadInput(f"{file}: no such file")
     texts = []
     for number, line in enumerate(Path(file).read_text(encoding="utf-8").splitlines(), start=1):
         try:
-            texts.append(execute(session, line))
+            texts.append(execute_line(session, line))
         except BadInput as error:
             raise BadInput(f"{file}: line {number}: {error}") from None
     return "\n".join(filter(None, texts))
 
 
-def help_text(session: Session, path: str = "") -> str:
+def help_command(session: Session, path: str = "") -> str:
     if path in COMMANDS:
-        return usage(path)
+        return usage_line(path)
     return entries.entry_meaning(session, path) if path else HELP
 
 
-def usage(name: str) -> str:
+def usage_line(name: str) -> str:
     """Line of the help on a command."""
     return next(line for line in HELP.split("\n") if line.startswith(f"{name} "))
 
 
-def quit_session(session: Session) -> str:
+def quit_command(session: Session) -> str:
     raise EOFError
 
 
 COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind the name: the text to print
-    "step": step,
-    "run": run,
+    "step": step_command,
+    "run": run_command,
     "stage": lambda session: f"stage {live.begin_next_stage(session)} begins",
-    "set": set_entry,
-    "insert": insert,
-    "remove": remove,
+    "set": set_command,
+    "insert": insert_command,
+    "remove": remove_command,
     "get": lambda session, path: f"{path} = {entries.entry_value(session, path)}",
-    "measure": measure,
-    "plot": plot,
-    "watch": watch,
-    "diff": diff,
-    "status": status,
+    "measure": measure_command,
+    "plot": plot_command,
+    "watch": watch_command,
+    "diff": diff_command,
+    "status": status_command,
     "snapshot": lambda session, file: str(live.write_side_picture(session, Path(file))),
-    "save": save,
-    "back": back,
-    "undo": undo,
-    "grain": grain,
-    "history": history,
-    "script": script,
-    "help": help_text,
-    "quit": quit_session,
+    "save": save_command,
+    "back": back_command,
+    "undo": undo_command,
+    "grain": grain_command,
+    "history": history_command,
+    "script": script_command,
+    "help": help_command,
+    "quit": quit_command,
 }
 
 
-def execute(session: Session, line: str) -> str:
+def execute_line(session: Session, line: str) -> str:
     """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped, EOFError."""
     try:
         name, *words = shlex.split(line, comments=True) or [""]
@@ -232,5 +232,5 @@ def execute(session: Session, line: str) -> str:
     try:
         signature(COMMANDS[name]).bind(session, *words)
     except TypeError:
-        raise BadInput(f"usage: {usage(name)}") from None
+        raise BadInput(f"usage: {usage_line(name)}") from None
     return COMMANDS[name](session, *words)

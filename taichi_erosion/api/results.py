@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from taichi_erosion.api.notebook import WholeTable, frame, html
+from taichi_erosion.api.notebook import WholeTable, result_html, table_of_rows
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
@@ -64,7 +64,7 @@ class Result:
         return f"{type(self).__name__}({self.study}: {self.found[0]})"
 
     def _repr_html_(self) -> str:
-        return html(self.document["title"] or str(self.study), self.found, [self.table])
+        return result_html(self.document["title"] or str(self.study), self.found, [self.table])
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,7 +174,7 @@ class DiscoveryResult(RaceResult):
             | {key: getattr(each, key) for key in ("limit", "unseen_below", "log_bayes_factor")}
             for name, each in self.record.effects.items()
         )
-        table = frame(rows, columns=("effect", "status", "probability")).set_index("effect")
+        table = table_of_rows(rows, columns=("effect", "status", "probability")).set_index("effect")
         return table.sort_values("probability", ascending=False)
 
     effects = table
@@ -198,7 +198,7 @@ class DiscoveryResult(RaceResult):
                 ends = {"value": point.value, "low": point.low, "high": point.high}
                 sizes = {key: units.value(name, x) if is_offset else x for key, x in ends.items()}
                 rows.append(labels | {"at": units.condition(axis, point.at)} | sizes)
-        return frame(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
+        return table_of_rows(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -237,7 +237,7 @@ class ExperimentsResult(RaceResult):
                 ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
                 row |= {column: units.value(name, number) for column, number in ends.items()}
             rows.append(row | {"chance": experiment.chance, "cost": experiment.cost})
-        return frame(rows, columns=("observable", "unit", "chance", "cost"))
+        return table_of_rows(rows, columns=("observable", "unit", "chance", "cost"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -264,7 +264,7 @@ def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
         | {"unit": unit_of(units, row.observable), "outside": out_of_range_text(row)}
         for row in reply.record.rows
     )
-    return frame(rows, columns=("observable", *PREDICTED))
+    return table_of_rows(rows, columns=("observable", *PREDICTED))
 
 
 def unit_of(units: TableUnits, observable: str) -> str:

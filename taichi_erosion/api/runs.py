@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import tomlkit
 
-from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.api.notebook import progress_bar, result_html, table_of_rows
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.words.run_words import run_warnings, with_sd_text
 
@@ -46,7 +46,7 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Measures: value and standard deviation of all seeds, with units, beside measured values."""
         measured = self.document.get("measured", {})
-        return frame(
+        return table_of_rows(
             {"measure": name, **{key: measure[key] for key in ("value", "sd", "unit")}}
             | {
                 "measured": measured.get(name, {}).get("value"),
@@ -58,7 +58,7 @@ class Run:
     @property
     def seeds(self) -> pd.DataFrame:
         """Measures of every seed, one a row."""
-        return frame(
+        return table_of_rows(
             {"seed": replica["seed"], "measure": name, "value": measure["value"], "unit": measure["unit"]}
             for replica in self.document["replicas"]
             for name, measure in replica.get("measures", {}).items()
@@ -121,7 +121,7 @@ class Run:
         return f"Run({self.document['scene']}: {', '.join(measures) or 'no measures'})"
 
     def _repr_html_(self) -> str:
-        return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
+        return result_html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
 
 
 def run(
@@ -142,8 +142,8 @@ def run(
     from taichi_erosion.execution import RunOptions, run_scene
 
     options = {name: entries.pop(name) for name in OPTIONS if name in entries}
-    overrides = stated_changes(changes, entries, OPTIONS)
-    with tempfile.TemporaryDirectory() as folder, progress("running") as report:
+    overrides = changes_as_overrides(changes, entries, OPTIONS)
+    with tempfile.TemporaryDirectory() as folder, progress_bar("running") as report:
         chosen = RunOptions(
             overrides=overrides,
             record=None if isinstance(record, bool) else Path(record),
@@ -174,16 +174,16 @@ def sweep(
     from taichi_erosion.campaign import sweep as sweeps
 
     entries = [tomlkit.item(value).as_string() for value in values]
-    with progress("sweeping") as report:
+    with progress_bar("sweeping") as report:
         where = Path(folder), None, None
-        overrides = stated_changes(changes, {}, ())
+        overrides = changes_as_overrides(changes, {}, ())
         over = f"{path}={','.join(entries)}"
         points = sweeps.sweep_entry(Path(scene), over, overrides, replicas, where=where, progress=report)
     value_of = dict(zip(entries, values, strict=True))
-    return frame({path: value_of[row.pop("entry")], **row} for row in map(asdict, points))
+    return table_of_rows({path: value_of[row.pop("entry")], **row} for row in map(asdict, points))
 
 
-def stated_changes(
+def changes_as_overrides(
     changes: Mapping[str, Any] | None, entries: Mapping[str, Any], options: Sequence[str]
 ) -> tuple[str, ...]:
     """Overrides as `--set` takes them, of keywords too. Raises BadInput for one without two underscores."""
@@ -191,7 +191,7 @@ def stated_changes(
         if "__" not in name:
             raise BadInput(f"no option '{name}'; there are {', '.join(options)}, and SECTION__ENTRY")
     settings = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
-    return tuple(override(*one) for one in settings.items())
+    return tuple(override_text(*one) for one in settings.items())
 
 
 def open_run(file: PathLike) -> Run:
@@ -201,7 +201,7 @@ def open_run(file: PathLike) -> Run:
     return Run(read_document(Path(file).with_suffix(".json")))
 
 
-def override(path: str, value: Any) -> str:
+def override_text(path: str, value: Any) -> str:
     """`PATH=VALUE` as `--set` takes it."""
     return f"{path}={tomlkit.item(value).as_string()}"
 
@@ -216,4 +216,4 @@ def effects(effect_files: Sequence[PathLike] = ()) -> pd.DataFrame:
         | {"reads": ", ".join(effect.reads), "largest_strength": effect.most}
         for name, effect in sorted(library.items())
     )
-    return frame(rows).set_index("effect")
+    return table_of_rows(rows).set_index("effect")

@@ -26,7 +26,7 @@ def entry_value(session: Session, path: str) -> Any:
     return value
 
 
-def differences(session: Session, before: str | None = None, after: str | None = None) -> dict[str, Any]:
+def changed_entries(session: Session, before: str | None = None, after: str | None = None) -> dict[str, Any]:
     """Entries that differ, as (before, after) by path: from the scene file, or a saved state, to another.
 
     Raises BadInput for an unknown state.
@@ -44,7 +44,7 @@ def entry_meaning(session: Session, path: str) -> str:
     section, _, rest = path.partition(".")
     if section != "effects":
         return describe_entry_at_path(path)
-    library = library_at_hand(session)
+    library = session_library(session)
     if not rest:
         return f"{path}: optional physics, effects.NAME.strength = 1 switches one on: {', '.join(library)}"
     name, _, parameter = rest.partition(".")
@@ -72,14 +72,14 @@ def parameter_meaning(effect: Effect, name: str) -> str:
     return f"{about['meaning']} [{about['unit']}] from {about['low']:g} to {about['high']:g}{default}"
 
 
-def library_at_hand(session: Session) -> dict[str, Effect]:
+def session_library(session: Session) -> dict[str, Effect]:
     """All effects by name, those of files too."""
     from taichi_erosion.effect_library import load_library
 
     return load_library((*scene_effect_files(session.scene), *session.effect_files))
 
 
-def controls(session: Session) -> list[dict[str, Any]]:
+def changeable_numbers(session: Session) -> list[dict[str, Any]]:
     """Numbers that may change during a run: path, value, unit, range, meaning; those that are stated first.
 
     Effects that change a scene before it is built are left out.
@@ -91,7 +91,7 @@ def controls(session: Session) -> list[dict[str, Any]]:
         if section in STEERED and (section != "wind" or name in LIVE_WIND) and not isinstance(value, list):
             if number := number_entry_at_path(path):
                 rows.append((path, value, number.unit, number.low, number.high))
-    for name, effect in library_at_hand(session).items():
+    for name, effect in session_library(session).items():
         entries = scene.effects.get(name, {})
         if effect.place != "scene":
             strength = entries.get(STRENGTH, 1.0) if name in scene.effects else None

@@ -11,9 +11,9 @@ import pandas as pd
 
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
-from taichi_erosion.api.notebook import frame, html
+from taichi_erosion.api.notebook import result_html, table_of_rows
 from taichi_erosion.api.page import PAGES, Page, serve_page
-from taichi_erosion.api.runs import PathLike, override, stated_changes
+from taichi_erosion.api.runs import PathLike, changes_as_overrides, override_text
 from taichi_erosion.execution import session as sessions
 from taichi_erosion.execution.grain_fields import fields_now
 from taichi_erosion.verification.effect_contract import refuse_unusable_effects
@@ -60,7 +60,7 @@ class LiveSession:
             {"measure": name, "value": each.value, "unit": each.unit, "notes": "; ".join(each.notes)}
             for name, each in sessions.measure_now(self.session).items()
         )
-        return frame(rows).set_index("measure")
+        return table_of_rows(rows).set_index("measure")
 
     @property
     def grains(self) -> "xr.Dataset":
@@ -127,7 +127,7 @@ class LiveSession:
 
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
-        sessions.set_entry(self.session, path, override(path, value).partition("=")[2])
+        sessions.set_entry(self.session, path, override_text(path, value).partition("=")[2])
         return self
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":
@@ -153,9 +153,9 @@ class LiveSession:
 
         Raises BadInput for an unknown state.
         """
-        pairs = entries.differences(self.session, before, after).items()
+        pairs = entries.changed_entries(self.session, before, after).items()
         rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
-        return frame(rows, columns=("entry", "before", "after")).set_index("entry")
+        return table_of_rows(rows, columns=("entry", "before", "after")).set_index("entry")
 
     def watch(self, *names: str) -> "LiveSession":
         """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
@@ -165,7 +165,7 @@ class LiveSession:
     @property
     def samples(self) -> pd.DataFrame:
         """Numbers of the status, and watched measures, at every check so far, by time [s]."""
-        return frame(self.session.samples, columns=("time_s",)).set_index("time_s")
+        return table_of_rows(self.session.samples, columns=("time_s",)).set_index("time_s")
 
     def plot(self, name: str) -> "Figure":
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
@@ -197,25 +197,25 @@ class LiveSession:
 
     def _repr_html_(self) -> str:
         frame = f'<iframe src="{self.page.address}" width="100%" height="{PAGE_HEIGHT}"></iframe>'
-        return frame + html("", [self.page.tunnel], [])
+        return frame + result_html("", [self.page.tunnel], [])
 
 
-def waiting(method: Callable[..., Any]) -> Callable[..., Any]:
+def wait_for_turn(method: Callable[..., Any]) -> Callable[..., Any]:
     """A method of a live session that waits for its turn beside the page."""
 
     @wraps(method)
-    def call(live_session: LiveSession, *args: Any, **options: Any) -> Any:
+    def call_in_turn(live_session: LiveSession, *args: Any, **options: Any) -> Any:
         with live_session.turn:
             return method(live_session, *args, **options)
 
-    return call
+    return call_in_turn
 
 
 for _name, _member in list(vars(LiveSession).items()):
     if isinstance(_member, property) and _member.fget:
-        setattr(LiveSession, _name, property(waiting(_member.fget)))
+        setattr(LiveSession, _name, property(wait_for_turn(_member.fget)))
     elif callable(_member) and not _name.startswith("_"):
-        setattr(LiveSession, _name, waiting(_member))
+        setattr(LiveSession, _name, wait_for_turn(_member))
 
 
 def live(
@@ -233,5 +233,5 @@ def live(
             page.playing = False
     refuse_unusable_effects(files)
     return LiveSession(
-        sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
+        sessions.open_session(Path(scene), changes_as_overrides(changes, entries, OPTIONS), seed, files)
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pandas as pd
 
-from taichi_erosion.api.notebook import progress
+from taichi_erosion.api.notebook import progress_bar
 from taichi_erosion.api.results import (
     AdoptionResult,
     ComparisonResult,
@@ -49,13 +49,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return run_command(self, ComparisonResult, "comparing", compare_study)
+        return run_study_command(self, ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return run_command(self, DiscoveryResult, "discovering", discover_study)
+        return run_study_command(self, DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -69,13 +69,13 @@ class Study:
             raise BadInput("adopt: name the effects to add")
 
         forced = replace(self, options=replace(self.options, force=force or self.options.force))
-        return run_command(forced, AdoptionResult, "adopting", adopt_study, names)
+        return run_study_command(forced, AdoptionResult, "adopting", adopt_study, names)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return run_command(self, ExperimentsResult, "planning", next_study)
+        return run_study_command(self, ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -88,7 +88,7 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
-            return run_command(self, PredictionResult, "predicting", predict_study, file, bare=bare)
+            return run_study_command(self, PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -97,11 +97,11 @@ class Study:
         return write_report(self.path, None if to is None else Path(to), True)
 
 
-def run_command(
+def run_study_command(
     study: Study, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
 ) -> Kind:
     """Result of a command, with a progress bar."""
-    with progress(title) as bar:
+    with progress_bar(title) as bar:
         reply = command(study.path, *words, lambda text, share: bar(share, text), study.options, **choices)
     return kind(study.path, reply)
 

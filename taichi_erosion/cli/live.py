@@ -13,7 +13,7 @@ from typing import Any
 import typer
 
 from taichi_erosion.api.page import Page
-from taichi_erosion.api.prompt import COMMANDS, execute
+from taichi_erosion.api.prompt import COMMANDS, execute_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.scene_run import defer_signals
@@ -106,6 +106,6 @@ def run_interruptible_line(session: Session, line: str, turn: AbstractContextMan
     with turn, defer_signals() as pending:
         session.callbacks.append(callback := lambda now: pending.raise_first_signal())
         try:
-            return execute(session, line)
+            return execute_line(session, line)
         finally:
             session.callbacks.remove(callback)

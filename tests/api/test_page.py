@@ -13,7 +13,7 @@ import pytest
 
 from taichi_erosion.api import page as pages
 from taichi_erosion.api.page import Page, serve_page
-from taichi_erosion.api.prompt import execute
+from taichi_erosion.api.prompt import execute_line
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.observables import patch_of
@@ -218,7 +218,7 @@ def test_a_page_that_is_gone_leaves_the_run_paused_saved_and_as_a_script(page, i
         assert not page.playing
         assert page.session.saved["last"][0].time == page.session.time
         live.restore_saved_state(page.session, "begin")
-        execute(page.session, f"script {page.script}")
+        execute_line(page.session, f"script {page.script}")
         assert np.array_equal(snapshot(page.session.sim, 0).position, there.position)
     assert request(page, "state", owner="another tab")[0] == 200, "the next page steers"
 

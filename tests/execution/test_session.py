@@ -99,15 +99,15 @@ def test_the_history_is_a_script_that_gives_the_same_bits_however_the_run_was_di
     live.restore_saved_state(session, "there")
     for part in (1e-4, 7.3e-4, 0.0041):
         live.run_for_seconds(session, part)
-    prompt.execute(session, f"set {friction} 0.3")
-    prompt.execute(session, "stage")
-    prompt.execute(session, "step 40")
+    prompt.execute_line(session, f"set {friction} 0.3")
+    prompt.execute_line(session, "stage")
+    prompt.execute_line(session, "step 40")
     once, lines = snapshot(session.sim, 0), list(session.history)
     assert [line.split()[0] for line in lines] == ["run", "set", "stage", "run"]
     live.restore_saved_state(session, "begin")
     assert session.history == []
     for line in lines:
-        prompt.execute(session, line)
+        prompt.execute_line(session, line)
     again = snapshot(session.sim, 0)
     assert np.array_equal(again.position, once.position)
     assert np.array_equal(again.spin, once.spin)
@@ -145,12 +145,12 @@ def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
 
 def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(session) -> None:
     live.run_for_seconds(session, 0.02)
-    prompt.execute(session, "insert 3 at 0.0 0.0 0.008")
+    prompt.execute_line(session, "insert 3 at 0.0 0.0 0.008")
     live.run_for_seconds(session, 0.05)
     before, (x, y, z) = contact_network(session.sim, 0), snapshot(session.sim, 0).position[61]
     with pytest.raises(BadInput, match="lies there already"):
-        prompt.execute(session, f"insert 1 at {x} {y} {z}")
-    prompt.execute(session, "remove 5 61")
+        prompt.execute_line(session, f"insert 1 at {x} {y} {z}")
+    prompt.execute_line(session, "remove 5 61")
     after = contact_network(session.sim, 0)
     stays = ~np.isin([before.first, before.second], [5, 61]).any(axis=0)
     assert 0 < len(after.first) < len(before.first)
@@ -161,13 +161,13 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     assert (set(range(63)) - set(now.ident), now.removed) == ({5, 61}, 2)
     for command in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0".split(";"):
         with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|one sphere or more|usage"):
-            prompt.execute(session, command)
+            prompt.execute_line(session, command)
     for count in (63, 60):
         live.undo_latest_change(session)
         assert len(snapshot(session.sim, 0).ident) == count
     live.restore_saved_state(session, "begin")
     for line in lines:
-        prompt.execute(session, line)
+        prompt.execute_line(session, line)
     assert np.array_equal(snapshot(session.sim, 0).position, now.position)
 
 
@@ -227,33 +227,33 @@ def test_a_session_on_a_terminal_completes_words_and_goes_on(session, tmp_path, 
 
 
 def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_path, monkeypatch):
-    assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
+    assert prompt.execute_line(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
     session.callbacks.append(terminal.Sampler())
     monkeypatch.setattr(terminal, "WATCH_INTERVAL", 3600.0)  # s
     live.run_for_seconds(session, 3.0 * session.scene.run.check_interval)
     (line,) = capsys.readouterr().out.splitlines()  # once an interval of wall time
     assert re.fullmatch(r"[\d.e-]+ s  kinetic_J [\d.e-]+ J  pile_height [\d.e-]+ m", line)
     assert len(session.samples) == 3, "what is kept for plots is kept at every check"
-    assert prompt.execute(session, "watch off") == "watching nothing"
+    assert prompt.execute_line(session, "watch off") == "watching nothing"
     picture = tmp_path / "curve.png"
-    assert prompt.execute(session, f"plot kinetic_J {picture}") == str(picture)
+    assert prompt.execute_line(session, f"plot kinetic_J {picture}") == str(picture)
     assert picture.read_bytes().startswith(b"\x89PNG")
     picture.write_text("mine")
     with pytest.raises(BadInput, match="this program did not write it"):
-        prompt.execute(session, f"plot kinetic_J {picture}")
+        prompt.execute_line(session, f"plot kinetic_J {picture}")
 
 
 def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) -> None:
     path = "contact.grain-grain.friction_rolling"
-    assert "grains.count: " in prompt.execute(session, "diff"), "what --set changed is a difference too"
+    assert "grains.count: " in prompt.execute_line(session, "diff"), "what --set changed is a difference too"
     live.save_state_as(session, "before")
     live.set_entry(session, path, "0.3")
-    assert prompt.execute(session, "diff before") == f"{path}: 0.12 -> 0.3"
+    assert prompt.execute_line(session, "diff before") == f"{path}: 0.12 -> 0.3"
     live.save_state_as(session, "after")
-    assert prompt.execute(session, "diff before after") == f"{path}: 0.12 -> 0.3"
-    assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
+    assert prompt.execute_line(session, "diff before after") == f"{path}: 0.12 -> 0.3"
+    assert prompt.execute_line(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
-        prompt.execute(session, "diff befor")
+        prompt.execute_line(session, "diff befor")
 
 
 def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> None:
