@@ -30,7 +30,7 @@ def stop_after_first_step() -> None:
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.execution import ensemble_loop
 
-    advance = ensemble_loop.advance
+    advance = ensemble_loop.simulation.advance
 
     def advance_once(sim: Any, until: Any) -> None:
         advance(sim, [setup.time_step for setup in sim.setups])
@@ -39,7 +39,7 @@ def stop_after_first_step() -> None:
         stop_device()  # writes the cache
         os._exit(0)
 
-    setattr(ensemble_loop, "advance", advance_once)  # noqa: B010
+    setattr(ensemble_loop.simulation, "advance", advance_once)  # noqa: B010
     sys.argv = ["taichi-erosion", *RUN]
     program()
 

@@ -1,9 +1,9 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
-mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by `wall_law.root_length_slope`
-                (over a rough floor `wall_law.rough_length`), and never exceeds kappa times the
-                distance to another wall, the stated largest length, or the stated share of the layer's
-                thickness (Escudier: 0.09)
+mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by
+                `wall_law.root_length_slope` (over a rough floor `wall_law.rough_length`), and never exceeds
+                kappa times the distance to another wall, the stated largest length, or the stated share of
+                the layer's thickness (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
                 D the cube root of the cell's volume, d the height over the floor, u* its friction velocity;
                 over grains, those of bed and wind: in the bed nu_t is 0

@@ -89,17 +89,17 @@ class Page:
         here = f"{self.port}:{LOOPBACK}:{self.port}"
         return f"from another machine: ssh -L {here} THIS_MACHINE, then the same address"
 
-    def play(self) -> None:
+    def advance_while_playing(self) -> None:
         """Advance while it plays, portion by portion, as long as the device holds the session."""
         while self.session.sim.device_fields_exist:
             began, steps_taken = monotonic(), 0.0
             if self.owner and began - self.latest_request > ABSENT:
-                self.leave()
+                self.save_and_leave()
             with self.turn:
-                steps_taken = self.advance() if self.playing else 0.0
+                steps_taken = self.advance_portion() if self.playing else 0.0
             sleep(max(steps_taken / self.speed - (monotonic() - began), REST))
 
-    def advance(self) -> float:
+    def advance_portion(self) -> float:
         """Advance by a portion; returns its simulated time [s]. What stops a run pauses it."""
         session, began, checks = self.session, monotonic(), self.session.ensemble.checks
         start, portion = session.time, max(min(self.pace, self.speed) * PORTION, session.time_step)
@@ -114,7 +114,7 @@ class Page:
             self.playing = False
         return session.time - start
 
-    def command(self, line: str) -> str:
+    def execute_command(self, line: str) -> str:
         """Text of a typed command; a run begins to play. Raises BadInput, SimulationStopped."""
         name, *words = line.split() or [""]
         self.playing &= name not in ("pause", "back", "undo")
@@ -133,7 +133,7 @@ class Page:
                 self.playing = True
         return ""
 
-    def state(self, count: int, latest: float, name: str) -> dict[str, Any]:
+    def shown_state(self, count: int, latest: float, name: str) -> dict[str, Any]:
         """What a page shows; of the curve of a number the samples behind those that it has."""
         session, samples = self.session, self.session.samples
         has_all = 0 < count <= len(samples) and samples[count - 1]["time_s"] == latest
@@ -152,7 +152,7 @@ class Page:
             "entries": str(hash(session.overrides)),
         }
 
-    def frame(self, colour: str, grain: int, anew: bool) -> bytes:
+    def viewer_messages(self, colour: str, grain: int, anew: bool) -> bytes:
         """The grains and walls as messages of the viewer; `anew` for a viewer that has none."""
         with self.turn:
             session, setup = self.session, self.session.sim.setups[0]
@@ -172,13 +172,13 @@ class Page:
             log_walls(recorder, session.sim)
         return out.read() or b""
 
-    def is_owner(self, name: str) -> bool:
+    def steers_session(self, name: str) -> bool:
         """Whether a page steers; the first one does, until it is closed."""
         if name and self.owner in ("", name):
             self.owner, self.latest_request = name, monotonic()
         return bool(name) and name == self.owner
 
-    def leave(self) -> None:
+    def save_and_leave(self) -> None:
         """Pause, save the state as `last`, and write the commands that lead to it."""
         self.playing, self.owner = False, ""
         with self.turn:
@@ -199,23 +199,23 @@ class Page:
         if name == "frame":
             version = self.version.to_bytes(4, "little")
             grain, colour = int(query.get("grain", -1)), query.get("colour", "")
-            return 200, BYTES, version + self.frame(colour, grain, anew=after == 0)
+            return 200, BYTES, version + self.viewer_messages(colour, grain, anew=after == 0)
         if name == "command":
             try:
-                return 200, TEXT, self.command(body).encode()
+                return 200, TEXT, self.execute_command(body).encode()
             except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
                 return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
-        return 200, JSON, json.dumps(self.facts(name, query)).replace("NaN", "null").encode()
+        return 200, JSON, json.dumps(self.state_or_controls(name, query)).replace("NaN", "null").encode()
 
-    def facts(self, name: str, query: Mapping[str, str]) -> Any:
+    def state_or_controls(self, name: str, query: Mapping[str, str]) -> Any:
         """What a page asks for: the state, or entries that may change; nothing after it has been left."""
         if name == "state":
             count, latest = int(query.get("count", 0)), float(query.get("latest", 0.0))
-            return self.state(count, latest, query.get("name", ""))
+            return self.shown_state(count, latest, query.get("name", ""))
         if name == "controls":
             with self.turn:
                 return changeable_numbers(self.session)
-        return self.leave()
+        return self.save_and_leave()
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -257,7 +257,7 @@ class Handler(BaseHTTPRequestHandler):
             return 200, HTML, Path(__file__).with_name("page.html").read_bytes()
         if name in KINDS and page.files is not None:
             return 200, KINDS[name], page.files.result()[name]
-        if not page.is_owner(query.get("owner", "")):
+        if not page.steers_session(query.get("owner", "")):
             return 409, TEXT, OWNED.encode()
         if not page.session.sim.device_fields_exist:
             return 410, TEXT, ENDED.encode()
@@ -274,7 +274,7 @@ def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Pag
         raise BadInput(f"--port {port}: cannot be served ({error.strerror})") from None
     server.handle_error = lambda request, client_address: None  # a page that has gone is no news
     page.port, page.files = server.server_address[1], ThreadPoolExecutor(1).submit(viewer_files)
-    for target in (server.serve_forever, page.play):
+    for target in (server.serve_forever, page.advance_while_playing):
         Thread(target=target, daemon=True).start()
     PAGES.append(page)
     return page

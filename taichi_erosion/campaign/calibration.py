@@ -91,7 +91,7 @@ def calibrate(
             for run in runner.runs
         )
         text = table.to_csv(index=False, lineterminator="\n")
-        ListedFolder(file.folder).write("runs.csv", text.encode())
+        ListedFolder(file.folder).write_file("runs.csv", text.encode())
         calibration.document["runs"] = len(runner.runs)
         calibration.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
     calibration.document["wall_s"] = time.perf_counter() - start
@@ -107,7 +107,7 @@ def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool)
     for scene in file.scenes if until == STEPS[-1] else []:
         refuse_foreign_file(calibrated_scene_path(file, scene), file.path, force)
     tables = TABLES[:1] if until == "design" else TABLES
-    ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
+    ListedFolder(file.folder).refuse_foreign_files([*tables, *last], force)
 
 
 def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
@@ -152,7 +152,7 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
 
 def write_design(calibration: Calibration, name: str, design: Design) -> Path:
     """Write a design with its responses as a CSV table."""
-    return ListedFolder(calibration.file.folder).write(f"{name}.csv", design_csv(design).encode())
+    return ListedFolder(calibration.file.folder).write_file(f"{name}.csv", design_csv(design).encode())
 
 
 def design_rows_document(design: Design) -> Document:

@@ -219,7 +219,7 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
     factors = []
     for factor, level in zip(screening.leading, path.design.natural[path.best], strict=True):
         low, high = study.parameters[factor.path].limits
-        half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
+        half = min(study.design.surface_half * factor.half_range, 0.5 * (high - low))
         middle = float(np.clip(level, low + half, high - half))
         factors.append(designs.Factor(factor.path, middle - half, middle + half, factor.unit))
     return factors
@@ -239,7 +239,7 @@ def refuse_star_outside_limits(file: CalibrationStudy, design: designs.Design) -
     """Raise BadInput for a point beyond a parameter's limits, rounding apart."""
     for factor, levels in zip(design.factors, design.natural.T, strict=True):
         low, high = file.study.parameters[factor.path].limits
-        slack = designs.SAME_POINT * factor.half
+        slack = designs.SAME_POINT * factor.half_range
         for level, side, bound in ((levels.min(), "below", low), (levels.max(), "above", high)):
             if not low - slack <= level <= high + slack:
                 raise BadInput(

@@ -123,14 +123,14 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
     """Lease batches for free workers; runs that another parent leases are tried again later."""
     waiting = [campaign.requests[key] for key, (state, _) in remaining.items() if state == "waiting"]
     deaths = {key: deaths for key, (_, deaths) in remaining.items()}
-    while waiting and campaign.pool.free():
-        batch = next_batch(waiting, deaths, campaign.pool.workers)
+    while waiting and campaign.pool.free_slots():
+        batch = next_batch(waiting, deaths, campaign.pool.worker_count)
         waiting = [request for request in waiting if request not in batch]
         leased = set(ledgers.lease_runs(campaign.ledger, [request.key for request in batch]))
         batch = [request for request in batch if request.key in leased]
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
-            campaign.pool.submit(Batch(keys, payloads))
+            campaign.pool.submit_batch(Batch(keys, payloads))
             whole = sum(request.work for request in batch)
             campaign.starts |= dict.fromkeys(keys, (time.monotonic(), whole))
 

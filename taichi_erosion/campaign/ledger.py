@@ -49,7 +49,7 @@ class Database:
     connection: sqlite3.Connection
     kind: str  # of file, in messages
 
-    def rows(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
+    def query_rows(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
         """Rows that a query finds."""
         with translate_errors(self.path, self.kind):
             return self.connection.execute(query, values).fetchall()
@@ -133,7 +133,7 @@ def release_leases(ledger: Ledger, owner: str) -> None:
 def release_stale_leases(ledger: Ledger) -> None:
     """Free the leases of processes that no longer exist, or whose last heartbeat is LEASE seconds old."""
     query = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
-    for owner, last in ledger.database.rows(query):
+    for owner, last in ledger.database.query_rows(query):
         machine, _, process = owner.rpartition(":")
         is_dead = machine == socket.gethostname() and not process_exists(int(process))
         if owner != ledger.owner and (is_dead or time.time() - last > LEASE):
@@ -183,21 +183,21 @@ def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> Non
 def unfinished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
     """State and deaths of those runs that have not ended."""
     query = "SELECT key, state, deaths FROM run WHERE state IN ('waiting', 'leased')"
-    states = {key: (state, deaths) for key, state, deaths in ledger.database.rows(query)}
+    states = {key: (state, deaths) for key, state, deaths in ledger.database.query_rows(query)}
     return {key: states[key] for key in keys if key in states}
 
 
 def finished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, float]:
     """Wall time [s] of those runs that have ended."""
     query = "SELECT key, wall_s FROM run WHERE state IN ('done', 'failed')"
-    wall_times = {key: wall_s or 0.0 for key, wall_s in ledger.database.rows(query)}
+    wall_times = {key: wall_s or 0.0 for key, wall_s in ledger.database.query_rows(query)}
     return {key: wall_times[key] for key in keys if key in wall_times}
 
 
 def read_results(ledger: Ledger, keys: Sequence[str]) -> list[RunResult]:
     """Results of runs that have ended, in the order of the keys."""
     query = "SELECT record, failure, wall_s FROM run WHERE key = ? AND state IN ('done', 'failed')"
-    rows = ((key, row) for key in keys for row in ledger.database.rows(query, (key,)))
+    rows = ((key, row) for key in keys for row in ledger.database.query_rows(query, (key,)))
     return [
         RunResult(key, json.loads(record) if record else {}, failure, wall_s or 0.0)
         for key, (record, failure, wall_s) in rows

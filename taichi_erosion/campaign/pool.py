@@ -112,22 +112,22 @@ class Pool:
     in_flight: dict[Future[Records], tuple[Batch, Executor | None]] = field(default_factory=dict)
 
     @property
-    def workers(self) -> int:
+    def worker_count(self) -> int:
         """Number of workers; of a cluster at least one is expected to come."""
         return max(len(self.client.nthreads()), 1) if self.client else len(self.processes)
 
-    def free(self) -> int:
+    def free_slots(self) -> int:
         """Batches that could be submitted now."""
-        return max((QUEUE if self.client else 1) * self.workers - len(self.in_flight), 0)
+        return max((QUEUE if self.client else 1) * self.worker_count - len(self.in_flight), 0)
 
-    def start(self) -> None:
+    def spawn_worker(self) -> None:
         """Spawn a worker."""
         before = set(multiprocessing.active_children())
         executor = ProcessPoolExecutor(1, SPAWN, start_local_worker, (self.function, self.folder))
         executor.submit(os.getpid)  # an executor starts its process with its first task
         (self.processes[executor],) = set(multiprocessing.active_children()) - before
 
-    def submit(self, batch: Batch) -> None:
+    def submit_batch(self, batch: Batch) -> None:
         """Send a batch to a free worker."""
         if self.client:  # a task of its own, even if its payload is not
             future = self.client.get_executor(pure=False).submit(run_on_dask, self.function, batch)
@@ -157,7 +157,7 @@ class Pool:
             assert executor is not None
             executor.shutdown()  # waits until the executor has asked how its process ended
             code = self.processes.pop(executor).exitcode
-            self.start()
+            self.spawn_worker()
             reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
             return FinishedBatch(batch, reason=reason, is_worker_dead=True)
         except Exception as error:
@@ -187,7 +187,7 @@ def start_pool(function: str, folder: Path, workers: int) -> Pool:
     """Spawn the workers."""
     pool = Pool(function, folder)
     for _ in range(workers):
-        pool.start()
+        pool.spawn_worker()
     return pool
 
 

@@ -73,7 +73,7 @@ class ObservableEntry(Section):
     )
 
     @model_validator(mode="after")
-    def _floor_is_above_zero(self) -> "ObservableEntry":
+    def _require_positive_floor(self) -> "ObservableEntry":
         if self.transform == "log_floor" and not self.floor:
             raise contradiction("transform = 'log_floor' needs floor = the least value seen, above 0")
         return self
@@ -98,7 +98,7 @@ class ParameterEntry(Section):
     published: str = Field("", max_length=400, description="what a publication says of it")
 
     @model_validator(mode="after")
-    def _in_order(self) -> "ParameterEntry":
+    def _require_order(self) -> "ParameterEntry":
         if not self.low < self.high:
             raise contradiction(f"low = {self.low:g} is not below high = {self.high:g}")
         if not isnan(self.start) and not self.low <= self.start <= self.high:
@@ -202,7 +202,7 @@ class DesignSizes(Section):
     )
 
     @model_validator(mode="after")
-    def _surface_entries_belong_to_its_design(self) -> "DesignSizes":
+    def _refuse_entries_of_other_design(self) -> "DesignSizes":
         for key, design in (("surface_axial", "central_composite"), ("surface_runs", "latin_hypercube")):
             if key in self.model_fields_set and self.surface != design:
                 raise contradiction(f"{key} needs surface = '{design}'; it is '{self.surface}'")
@@ -253,7 +253,7 @@ class StudyFile(Section):
     campaign: WorkersEntry = WorkersEntry()
 
     @model_validator(mode="after")
-    def _names_are_there(self) -> "StudyFile":
+    def _require_known_names(self) -> "StudyFile":
         for place, ranges in (("vault", self.vault.ranges), ("laboratory", self.laboratory.ranges)):
             for name, (low, high) in ranges.items():
                 if name not in self.conditions:
@@ -267,7 +267,7 @@ class StudyFile(Section):
         return self
 
     @model_validator(mode="after")
-    def _every_observable_is_answered(self) -> "StudyFile":
+    def _require_scene_of_observables(self) -> "StudyFile":
         for name, entry in self.observables.items():
             if (entry.scene is None) == (self.study.model is None):
                 word = "missing, as is study.model" if entry.scene is None else "given, and study.model too"

@@ -103,4 +103,4 @@ def write_sweep(folder: Path, over: str, points: Sequence[SweepPoint], figure: b
     table = pd.DataFrame(map(asdict, points)).rename(columns={"entry": parse_sweep_values(over)[0]})
     text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     files = {TABLE: text.encode(), FIGURE: figure}
-    return [ListedFolder(folder).write(name, content) for name, content in files.items()]
+    return [ListedFolder(folder).write_file(name, content) for name, content in files.items()]

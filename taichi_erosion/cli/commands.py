@@ -196,7 +196,7 @@ def sweep(
 
     path, _ = sweeps.parse_sweep_values(over)
     folder = out or Path("recordings") / f"{scene.stem}-{path}"
-    ListedFolder(folder).refuse_foreign((sweeps.TABLE, sweeps.FIGURE), force)
+    ListedFolder(folder).refuse_foreign_files((sweeps.TABLE, sweeps.FIGURE), force)
     options = typed_options(replicas=replicas, effect_files=effect)
     with progress_report("sweeping") as progress:
         where = folder, workers, scheduler

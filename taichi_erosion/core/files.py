@@ -181,7 +181,7 @@ class ListedFolder:
             raise BadInput(f"{self.path / LIST}: cannot be read ({error}); {REMEDY}") from None
         return {str(name): str(each) for name, each in entries.items()} if isinstance(entries, dict) else {}
 
-    def refuse_foreign(self, names: Sequence[str], force: bool = False) -> None:
+    def refuse_foreign_files(self, names: Sequence[str], force: bool = False) -> None:
         """Raise BadInput where one of these files exists that is not listed, or was changed; not by force."""
         digests = {} if force else self.digests
         for path in (self.path / name for name in names):
@@ -193,13 +193,13 @@ class ListedFolder:
             if content_digest(path.read_bytes()) != digests[name]:
                 raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
 
-    def write(self, name: str, content: bytes) -> Path:
+    def write_file(self, name: str, content: bytes) -> Path:
         """Write a file and list it."""
         path = write_atomic(self.path / name, content)
-        self.record(name)
+        self.list_file(name)
         return path
 
-    def record(self, name: str) -> None:
+    def list_file(self, name: str) -> None:
         """List a file as it is now."""
         digests = self.digests | {name: content_digest((self.path / name).read_bytes())}
         text = json.dumps(dict(sorted(digests.items())), indent=1) + "\n"

@@ -1,11 +1,11 @@
 """Interactive session: one replica of a scene, advanced, changed and asked by calls.
 
-    from taichi_erosion.execution.session import measure_now, open_session, run_for, set_entry
+    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, set_entry
 
     session = open_session("scenes/funnel_repose.toml")
-    run_for(session, 0.5)
+    run_for_seconds(session, 0.5)
     set_entry(session, "contact.soil-soil.friction_rolling", "0.3")
-    run_for(session, 0.5)
+    run_for_seconds(session, 0.5)
     print(measure_now(session))
 
 Contact parameters, gravity, wind and the strength of effects that the session began with change at once, with

@@ -199,7 +199,7 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
     for cell in structure.cells:
         factor = table.factors[cell.column]
         printed = f"{table.levels[cell.row, cell.column]:g}"
-        level = factor.centre + factor.half * cell.level
+        level = factor.centre + factor.half_range * cell.level
         remark = "it is the only such cell" if count == 1 else f"one of {count} such cells"
         sentence = f"row {cell.row + 1}, {factor.path} is printed {printed}; "
         sentence += f"{level:g} makes the design balanced and orthogonal, and {remark}"

@@ -43,7 +43,7 @@ class Factor:
         return 0.5 * (self.low + self.high)
 
     @property
-    def half(self) -> float:
+    def half_range(self) -> float:
         """Natural width of one coded unit."""
         return 0.5 * (self.high - self.low)
 
@@ -84,13 +84,13 @@ class Design:
 def to_natural(factors: Sequence[Factor], coded: ArrayLike) -> Floats:
     """Natural values of coded levels, [..., factors]; -1, 0 and +1 give low, centre and high to the bit."""
     levels = np.asarray(coded, dtype=float)
-    low, high, centre, half = np.array([(f.low, f.high, f.centre, f.half) for f in factors]).T
+    low, high, centre, half = np.array([(f.low, f.high, f.centre, f.half_range) for f in factors]).T
     return np.where(levels == -1.0, low, np.where(levels == 1.0, high, centre + half * levels))
 
 
 def to_coded(factors: Sequence[Factor], natural: ArrayLike) -> Floats:
     """Coded levels of natural values, [..., factors]."""
-    centre, half = np.array([(f.centre, f.half) for f in factors]).T
+    centre, half = np.array([(f.centre, f.half_range) for f in factors]).T
     return (np.asarray(natural, dtype=float) - centre) / half
 
 
@@ -246,7 +246,7 @@ def steepest_ascent(
         raise BadInput("steepest path: every slope is 0; there is no direction to climb")
     points: Floats = np.outer(np.arange(steps, dtype=float), step * gradient / largest)
     bounds = np.array([(limits or {}).get(factor.path, (-np.inf, np.inf)) for factor in factors])
-    slack = SAME_POINT * np.array([factor.half for factor in factors])  # on the limit is inside
+    slack = SAME_POINT * np.array([factor.half_range for factor in factors])  # on the limit is inside
     natural = to_natural(factors, points)
     inside = np.all((natural >= bounds[:, 0] - slack) & (natural <= bounds[:, 1] + slack), axis=1)
     return stack_parts("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])

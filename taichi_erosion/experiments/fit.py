@@ -157,7 +157,7 @@ class Fit:
         """(X'X)^-1 of constant and terms."""
         return np.asarray(self.results.normalized_cov_params)
 
-    def interval(self, coded: ArrayLike) -> Floats:
+    def mean_interval(self, coded: ArrayLike) -> Floats:
         """Interval of 95 % for the true mean at coded points, [points, 2]."""
         return np.asarray(self.results.get_prediction(model_matrix(coded, self.terms)).conf_int())
 
@@ -204,7 +204,7 @@ def natural_polynomial(fit: Fit) -> Polynomial:
         for lower in product(*(range(power + 1) for power in term)):
             share = coefficient
             for factor, power, k in zip(fit.factors, term, lower, strict=True):
-                share *= comb(power, k) * (-factor.centre) ** (power - k) / factor.half**power
+                share *= comb(power, k) * (-factor.centre) ** (power - k) / factor.half_range**power
             total[lower] = total.get(lower, 0.0) + share
     return total
 

@@ -140,7 +140,7 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
         point = ends[place]
         predicted = dict[str, Prediction]()
         for fit in fits:
-            low, high = fit.interval(point[None, :])[0]
+            low, high = fit.mean_interval(point[None, :])[0]
             predicted[fit.response] = Prediction(
                 float(fit.predict(point[None, :])[0]), float(low), float(high)
             )

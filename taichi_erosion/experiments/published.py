@@ -242,7 +242,7 @@ def read_published_table(path: Path, response: str | None = None) -> PublishedTa
     factors = tuple(column_factor(name, column) for name, column in zip(chosen, levels.T, strict=True))
     coded = np.round(to_coded(factors, levels), 9) + 0.0
     # levels from -1 to 1 define the coding, those of star points are rounded
-    digits = [sheet.last_digit(name) / f.half for name, f in zip(chosen, factors, strict=True)]
+    digits = [sheet.last_digit(name) / f.half_range for name, f in zip(chosen, factors, strict=True)]
     responses = np.full(len(coded), sheet.last_digit(response_name))
     rounding = 0.5 * np.column_stack([responses, np.array(digits) * (np.abs(coded) > 1.0)])
     aside = tuple(name for name in names if name not in chosen and name != response_name)

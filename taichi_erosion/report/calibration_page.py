@@ -54,7 +54,7 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
     folder = ListedFolder(calibration.file.folder)
     for name, figure in page_figures(calibration):
-        folder.write(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
+        folder.write_file(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     assert calibration.surface is not None
     document = calibration.document
@@ -82,7 +82,7 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
         optima=markdown_table(*optimum_table(calibration)),
         samples={name: sample_texts(tests[name]) for name in targets},
     )
-    return folder.write(PAGE, (text.rstrip() + "\n").encode())
+    return folder.write_file(PAGE, (text.rstrip() + "\n").encode())
 
 
 def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
@@ -93,7 +93,7 @@ def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     analysed, best = document["analyse"], document["optimise"]["optima"][0]
     for name, target in targets.items():
         fit, unit = calibration.surface.fits[name], target.unit
-        at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
+        at = np.array([(best["settings"][f.path] - f.centre) / f.half_range for f in fit.factors])
         yield f"effects_{name}", figures.effect_figure(analysed["responses"][name], analysed["kept"], unit)
         yield f"surface_{name}", figures.contour_figure(fit, names, unit, at, target.value)
         yield f"hills_{name}", figures.surface_figure(fit, names, unit, at)

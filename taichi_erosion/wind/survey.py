@@ -55,7 +55,7 @@ class Survey:
         threshold = THRESHOLD_SECONDS * sqrt(REFERENCE / self.sand.diameter)
         return (beds * threshold + self.beds * FLUX_SECONDS * len(self.winds)) / 60.0
 
-    def measured_at(self, wind: float) -> dict[str, Any]:
+    def flux_at(self, wind: float) -> dict[str, Any]:
         """Measured flux in one wind [m s-1], as scenes state it; empty where the table has none."""
         rows = [row for row in self.measured if abs(row[0] - wind) <= SAME_WIND * wind]
         if not rows:
@@ -131,7 +131,7 @@ def three_digits(value: float) -> float:
 
 def wind_changes(survey: Survey, wind: float) -> dict[str, Any]:
     """Entries of a wind [m s-1]: hops grow with its square, their durations with it."""
-    measured, start = survey.measured_at(wind), max(STRONGER * wind, LEAST_START * iversen_white(survey.sand))
+    measured, start = survey.flux_at(wind), max(STRONGER * wind, LEAST_START * iversen_white(survey.sand))
     return {
         "wind.height": three_digits(max(LID, LID_PER_WIND * wind**2)),
         "stages.1.friction_velocity": three_digits(start),
@@ -198,7 +198,7 @@ def survey_document(survey: Survey, runs: Mapping[str, Any], written: Sequence[P
         "fluid_threshold": {source: law(sand) for source, law in FLUID.items()},
         "impact_threshold": {source: law(sand) for source, law in IMPACT.items()},
         "flux": [{source: flux_by(source, sand, wind) for source in FLUX} for wind in survey.winds],
-        "measured": [survey.measured_at(wind) for wind in survey.winds],
+        "measured": [survey.flux_at(wind) for wind in survey.winds],
         "runs": dict(runs),
         "written": [str(path) for path in written],
     }

@@ -132,7 +132,7 @@ def test_a_slow_run_takes_its_time(page, monkeypatch):
     pauses = []
     monkeypatch.setattr(pages, "sleep", lambda seconds: pauses.append(seconds))
     page.speed, page.pace, page.goal = 1e-3, 1.0, pages.inf
-    assert page.advance() <= max(1e-3 * pages.PORTION, 1.01 * page.session.time_step)
+    assert page.advance_portion() <= max(1e-3 * pages.PORTION, 1.01 * page.session.time_step)
 
 
 def test_a_change_acts_at_once_is_a_typed_command_and_is_undone_bit_for_bit(page):
@@ -191,7 +191,7 @@ def test_a_failure_pauses_tells_and_leaves_the_last_good_state(page):
     assert (status, page.playing) == (400, False)
     assert b"grain 7 overlaps grain 9" in text
     page.playing = True
-    page.advance()
+    page.advance_portion()
     now = state(page)
     assert not now["playing"]
     assert "grain 7 overlaps grain 9" in now["error"]

@@ -67,12 +67,12 @@ def test_a_marked_text_and_a_marked_picture_hold_what_they_held(study):
 
 def test_tables_of_a_folder_are_known_by_its_list(tmp_path):
     folder = files.ListedFolder(tmp_path / "study")
-    folder.write("screen.csv", b"a,b\n1,\n")
-    folder.refuse_foreign(["screen.csv", "climb.csv"])
+    folder.write_file("screen.csv", b"a,b\n1,\n")
+    folder.refuse_foreign_files(["screen.csv", "climb.csv"])
     (folder.path / "screen.csv").write_text("a,b\n1,31.5\n")
     (folder.path / "README.md").write_text("my notes")
     refusals = {"screen.csv": "was changed after", "README.md": "exists, and this program did not"}
     for name, told in refusals.items():
         with pytest.raises(BadInput, match=f"{name}: {told}"):
-            folder.refuse_foreign([name])
-    folder.refuse_foreign(["screen.csv", "README.md"], force=True)
+            folder.refuse_foreign_files([name])
+    folder.refuse_foreign_files(["screen.csv", "README.md"], force=True)

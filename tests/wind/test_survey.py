@@ -56,8 +56,8 @@ def test_a_table_is_compared_in_its_own_winds_and_in_no_other(measured):
     _, rows = measured
     assert [r[:2] for r in rows] == [pytest.approx(p) for p in ((0.3, 0.01), (0.4, 0.0205), (0.4, 0.0215))]
     survey = Survey(SAND, (0.3, 0.4, 0.5), 0.0, 2, rows)
-    assert survey.measured_at(0.4)["value"] == pytest.approx(0.021)
-    assert (survey.measured_at(0.4)["n"], survey.measured_at(0.5)) == (2, {})
+    assert survey.flux_at(0.4)["value"] == pytest.approx(0.021)
+    assert (survey.flux_at(0.4)["n"], survey.flux_at(0.5)) == (2, {})
     texts = survey_scenes(survey)
     assert tomllib.loads(texts["flux_0.4"])["measured"]["flux"]["value"] == pytest.approx(0.021)
     assert "measured" not in tomllib.loads(texts["flux_0.5"])
@@ -154,4 +154,4 @@ def test_the_progress_of_groups_of_beds_never_goes_back(tmp_path, monkeypatch):
 
 
 def test_a_row_without_a_scatter_states_none():
-    assert "sd" not in Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),)).measured_at(0.3)
+    assert "sd" not in Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),)).flux_at(0.3)

@@ -39,7 +39,7 @@ class RunStore:
         absent = [key for key in dict.fromkeys(keys) if key not in values]
         if absent and (self.database is not None or self.file.exists()):
             marks = ", ".join("?" * len(absent))
-            rows = self.connect().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", absent)
+            rows = self.connect().query_rows(f"SELECT key, result FROM run WHERE key IN ({marks})", absent)
             values |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
         return values
 
