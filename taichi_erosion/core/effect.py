@@ -243,7 +243,7 @@ def first_contact_struct_type() -> Any:
     )
 
 
-def grain_struct_type(drag_law: Any) -> Any:
+def compile_grain_type(drag_law: Any) -> Any:
     """Struct that a grain effect reads: one grain and the air around it.
 
     `grain.drag(slip)` is the drag [N] of the run's law at a slip velocity, air less grain [m s-1], times the

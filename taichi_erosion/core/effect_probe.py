@@ -21,8 +21,8 @@ from taichi_erosion.core.effect import (
     Conditions,
     Effect,
     Probe,
+    compile_grain_type,
     first_contact_struct_type,
-    grain_struct_type,
     pair_struct_type,
     replica_effect,
     state_at_entry,
@@ -101,7 +101,7 @@ def stokes_drag(slip, radius, mass, density, viscosity, void):
 def allocate_bench(drag_law: Any = stokes_drag) -> Bench:
     """Fields of one pair, first contact and grain on the device, which must have been started."""
     force, torque = (ti.Vector.field(3, float, shape=1) for _ in range(2))
-    kinds = (pair_struct_type(), first_contact_struct_type(), grain_struct_type(drag_law))
+    kinds = (pair_struct_type(), first_contact_struct_type(), compile_grain_type(drag_law))
     pair, contact, grain = (kind.field(shape=1) for kind in kinds)
     return Bench(pair, contact, grain, ti.field(float, shape=1), force, torque)
 

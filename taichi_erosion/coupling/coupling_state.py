@@ -6,7 +6,7 @@ from typing import Any
 
 from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.core.air_setup import AirSetup
-from taichi_erosion.core.effect import grain_struct_type
+from taichi_erosion.core.effect import compile_grain_type
 from taichi_erosion.core.setup import Laws, Setup
 from taichi_erosion.core.transfer import device_record, upload, write_field
 from taichi_erosion.coupling.drag import drag_law
@@ -89,5 +89,5 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, parts: int, chunk: in
         sums=PartitionSums(most, chunk, **sums),
         exchange=exchange,
         drag_law=law,
-        grain_type=grain_struct_type(law),
+        grain_type=compile_grain_type(law),
     )
