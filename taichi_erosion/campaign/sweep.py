@@ -14,7 +14,7 @@ from taichi_erosion.campaign.request import RunResult, scene_request
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, make_parent_folder
 from taichi_erosion.execution import Report
-from taichi_erosion.execution.checks import named_effects, read_scene
+from taichi_erosion.execution.checks import read_effects, read_scene
 
 TABLE, FIGURE = "sweep.csv", "sweep.png"
 
@@ -55,7 +55,7 @@ def sweep_entry(
     Runs that stand in the ledger are not made again. Raises BadInput for what cannot run.
     """
     path, values = parse_sweep_values(over)
-    files, (folder, workers, scheduler) = named_effects(effect_files), where
+    files, (folder, workers, scheduler) = read_effects(effect_files), where
     entries = [(*overrides, f"{path}={value}") for value in values]
     first = read_scene(scene, entries[0], files)
     seeds = [first.run.seed + k for k in range(replicas or first.run.replicas)]

@@ -24,7 +24,7 @@ from taichi_erosion.execution.checkpoint import (
     fit_state,
     restore_run_state,
 )
-from taichi_erosion.execution.checks import idle_warnings, library_of, named_effects, read_scene, setup_report
+from taichi_erosion.execution.checks import idle_warnings, library_of, read_effects, read_scene, setup_report
 from taichi_erosion.execution.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -91,7 +91,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     KeyboardInterrupt with the names of the files that were written.
     """
     started = time.perf_counter()
-    named = named_effects(options.effect_files)
+    named = read_effects(options.effect_files)
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     scene = read_scene(path, (*options.overrides, *numbers), named)

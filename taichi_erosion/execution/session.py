@@ -111,7 +111,7 @@ def open_session(
     effect_files: Sequence[Path] = (),
 ) -> Session:
     """Load a scene and assemble one replica of it, at the beginning of its first stage. Raises BadInput."""
-    files = checks.named_effects(effect_files)
+    files = checks.read_effects(effect_files)
     scene = checks.read_scene(Path(path), overrides, files)
     library = checks.library_of(scene)
     chosen = scene.run.seed if seed is None else seed

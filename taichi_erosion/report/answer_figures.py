@@ -22,7 +22,7 @@ from matplotlib.path import Path as Outline
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.part_words import LIKELY, bad_places, sure_and_either
+from taichi_erosion.evidence.words.part_words import LIKELY, misfit_places, sure_and_group
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
 from taichi_erosion.report.figure_style import (
     AFTER,
@@ -58,7 +58,7 @@ def ranked_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
-    fails = bad_places(record)
+    fails = misfit_places(record)
     pairs = []
     for place in ranked:
         if place in fails or place.observable not in {name for name, _ in pairs}:
@@ -198,7 +198,7 @@ def posterior_picture(record: Record) -> Picture:
 
 def strength_picture(record: Record) -> Picture:
     """Strengths of what acts, and of the others as far as these measurements see them."""
-    acting_names = {name for names in sure_and_either(record) for name in names}
+    acting_names = {name for names in sure_and_group(record) for name in names}
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:

@@ -19,7 +19,7 @@ from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.evidence.words.answer_lines import Table, sensitivity_table
-from taichi_erosion.evidence.words.part_words import sure_and_either
+from taichi_erosion.evidence.words.part_words import sure_and_group
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
@@ -138,7 +138,7 @@ def answer_page(
     missing = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]
-        acts = {name for names in sure_and_either(record) for name in names}
+        acts = {name for names in sure_and_group(record) for name in names}
         if record.law and record.law.mechanism in acts:
             missing += figures.dose_pictures(record.mechanisms[record.law.mechanism], voc)
         missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
@@ -166,5 +166,5 @@ def answer_page(
         "method_title": method_title,
         "methods": page_words.methods_text(leading, model),
         "notes": [],  # on table and runs
-        "acting": {name for names in sure_and_either(records.get("discover", leading)) for name in names},
+        "acting": {name for names in sure_and_group(records.get("discover", leading)) for name in names},
     }

@@ -277,7 +277,7 @@ def roughness_and_step_problems(scene: AirScene) -> Iterator[str]:
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
             length = side.roughness_length
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
-    step, longest = air.air_time_step(scene), air.stable_step(scene)
+    step, longest = air.run_time_step(scene), air.longest_step(scene)
     if step > longest * (1.0 + 1e-9):
         reason = "lets wind or diffusion cross more than a cell (CFL)"
         yield f"run.time_step = {step:g} s {reason}; at most {longest:.3g} s"

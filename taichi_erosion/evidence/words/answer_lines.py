@@ -90,7 +90,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     if part_words.agrees(record):
         return f"The calibrated model {part_words.agreement_text(record)} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
-    if not (record.p_misfit < ADEQUATE or part_words.bad_places(record)):
+    if not (record.p_misfit < ADEQUATE or part_words.misfit_places(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
         words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt(record)}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
@@ -100,8 +100,8 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    firm, either = part_words.sure_and_either(record)
-    names = part_words.acting_names(record) if firm or either else ""
+    firm, either = part_words.sure_and_group(record)
+    names = part_words.acting_phrase(record) if firm or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.misfit_line(record, names))))
     numbers = part_words.calibrated_numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.candidate_table_rows(record)) if part_words.can_test_any_effect(record) else ()
@@ -116,11 +116,11 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def sensitivity_table(record: Record) -> Table | None:
     """What depends on the priors; None where the answer rests on something else."""
-    title = f"priors halved and doubled (probability of the answer): {part_words.sensitivity_text(record)}"
+    title = f"priors halved and doubled (probability of the answer): {part_words.prior_change_text(record)}"
     rows = []
     for prior, answers in record.sensitivity.items():
         chances = (say.probability_text(part_words.answer_probability(record, each)) for each in answers)
-        cells = map("{} ({})".format, map(part_words.acting_names, answers), chances)
+        cells = map("{} ({})".format, map(part_words.acting_phrase, answers), chances)
         rows.append((part_words.PRIORS[prior], *cells))
     return Table(title, ("prior", "halved", "doubled"), tuple(rows)) if rows else None
 
@@ -141,7 +141,7 @@ def steps_after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> 
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (firm, either), named = part_words.sure_and_either(record), record.named
+    (firm, either), named = part_words.sure_and_group(record), record.named
     if named and firm:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
     elif firm:

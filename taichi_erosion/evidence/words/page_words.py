@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
-from taichi_erosion.evidence.words.part_words import sure_and_either
+from taichi_erosion.evidence.words.part_words import sure_and_group
 from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability_text
 from taichi_erosion.tables.number_words import count_noun
 
@@ -71,7 +71,7 @@ def omissions(commands: Iterable[str]) -> str:
 
 def added_effects_text(record: Record) -> str:
     """What the model of the answer has beside the model as it is; empty where nothing is told."""
-    firm, either = sure_and_either(record)
+    firm, either = sure_and_group(record)
     if firm or either:
         return f"with {join_words([*firm, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
     return "with something not in the list" if record.verdict == "outside_library" else ""

@@ -1,6 +1,6 @@
 """Parts of a record in words: repeats, errors, misfit, calibrated numbers; what acts, statuses, laws.
 
-Headline, table and last line share the names of `sure_and_either`, so that they cannot contradict each other.
+Headline, table and last line share the names of `sure_and_group`, so that they cannot contradict each other.
 """
 
 from collections.abc import Iterable, Iterator
@@ -88,7 +88,7 @@ def unit_mistake_text(factor: float) -> str:
     return f" ({words}?)" if words else ""
 
 
-def bad_places(record: Record) -> list[parts.PlacePart]:
+def misfit_places(record: Record) -> list[parts.PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
     return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
@@ -96,7 +96,7 @@ def bad_places(record: Record) -> list[parts.PlacePart]:
 def failing_places_line(record: Record) -> str:
     """`Where the model fails: the measured flux lies above the model at large moisture (p = 0.002).`"""
     words = []
-    for each in bad_places(record):
+    for each in misfit_places(record):
         at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
         way = "below" if each.sign < 0 else "above"
         what = f"the measured {say.quantity(each.observable)} lies {way} the model {at}"
@@ -135,7 +135,7 @@ def doubt(record: Record) -> str:
 
 def fails(record: Record) -> bool:
     """Whether the calibrated model fails as a whole, against repeats, or in a place."""
-    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(bad_places(record))
+    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(misfit_places(record))
 
 
 def agreement_text(record: Record) -> str:
@@ -193,13 +193,13 @@ def observable_misfit_rows(record: Record, voc: say.Vocabulary) -> Iterator[tupl
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
         gap = voc.scale(name) * record.rows.residuals(record.rows.before)[names == name]
-        axes = ", ".join(say.quantity(each.axis) for each in bad_places(record) if each.observable == name)
+        axes = ", ".join(say.quantity(each.axis) for each in misfit_places(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
         title = heading(say.quantity(name), voc.units.value_unit(name))
         yield title, str(gap.size), *errors, axes or "nowhere"
 
 
-def sure_and_either(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def sure_and_group(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
@@ -208,26 +208,26 @@ def sure_and_either(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple
     return (*decided.named, *firm), (*decided.group, *(() if firm else mechanisms))
 
 
-def acting_names(decided: parts.DecisionPart) -> str:
+def acting_phrase(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
-    firm, either = sure_and_either(decided)
+    firm, either = sure_and_group(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
     return say.join_words(filter(None, (*firm, say.join_words(either, "or")))) or unnamed
 
 
-def sensitivity_text(record: Record) -> str:
+def prior_change_text(record: Record) -> str:
     """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
-    usual, places = acting_names(record), dict[str, list[str]]()
+    usual, places = acting_phrase(record), dict[str, list[str]]()
     for prior, answers in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), answers, strict=True):
-            places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
+            places.setdefault(acting_phrase(each), []).append(f"{PRIORS[prior]} are {way}")
     moves = [f"{n} only where {say.join_words(at, 'or')}" for n, at in places.items() if n != usual]
     return f"{usual} is told, {say.join_words(moves)}" if moves else "no name moves"
 
 
 def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
-    firm, either = map(set, sure_and_either(decision))
+    firm, either = map(set, sure_and_group(decision))
     if not (firm or either):
         return other.unlisted if decision.verdict == "outside_library" else other.probabilities["none"]
     sets = {key: {*key.split("+")} for key in other.probabilities}
@@ -236,7 +236,7 @@ def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) 
 
 def headline_text(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
-    firm, either = ([acting_text(name, record, voc) for name in names] for names in sure_and_either(record))
+    firm, either = ([cause_text(name, record, voc) for name in names] for names in sure_and_group(record))
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
@@ -257,7 +257,7 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         yield f"It acts with {say.quantity(curve.condition)}: the {say.quantity(curve.observable)} {words}."
 
 
-def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
+def cause_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     """An effect or mechanism with its law, or its strength."""
     law, part, title = record.law, record.effects.get(name), voc.effect_title(name)
     if law is not None and law.mechanism == name:
@@ -286,7 +286,7 @@ def law_text(law: LawPart, voc: say.Vocabulary) -> str:
 
 def law_line(record: Record) -> str:
     """How well the law of what acts is known."""
-    law, (firm, either) = record.law, sure_and_either(record)
+    law, (firm, either) = record.law, sure_and_group(record)
     if law is None or law.mechanism not in (*firm, *either):
         return ""
     free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.powers.items()]
@@ -304,7 +304,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if record.refuted:
         return refuted_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
-    places, chances = bad_places(record), [record.p_misfit, record.p_lack_of_fit]
+    places, chances = misfit_places(record), [record.p_misfit, record.p_lack_of_fit]
     state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
     if not fails(record) and (words := doubt(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
@@ -338,7 +338,7 @@ def refuted_name_sentence(record: Record, voc: say.Vocabulary) -> str:
 
 def candidate_status_text(name: str, record: Record) -> str:
     """What these measurements say of one candidate."""
-    firm, either = sure_and_either(record)
+    firm, either = sure_and_group(record)
     if name in firm:
         return "present"
     if name in either:
@@ -362,7 +362,7 @@ def candidate_status_text(name: str, record: Record) -> str:
 
 def candidate_table_rows(record: Record) -> Iterator[tuple[str, ...]]:
     """Candidates and mechanisms: what acts first, then by probability; a strength where it likely acts."""
-    acts = [name for names in sure_and_either(record) for name in names]
+    acts = [name for names in sure_and_group(record) for name in names]
     chances = {name: record.probabilities.get(name, 0.0) for name in acts}
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):

@@ -142,7 +142,7 @@ def upper_bound_of_air_speed(air: AirBox) -> float:
     return max(blowing + gust, moving, driven)
 
 
-def stable_step(scene: AirScene) -> float:
+def longest_step(scene: AirScene) -> float:
     """Longest stable time step [s]."""
     return min(air_time_step_limits(scene.air, COURANT_MOST))
 
@@ -156,7 +156,7 @@ def air_time_step_limits(air: AirBox, courant: float) -> tuple[float, float]:
     return advective, diffusive
 
 
-def air_time_step(scene: AirScene) -> float:
+def run_time_step(scene: AirScene) -> float:
     """Time step of a run [s]; what nothing limits takes COLUMN_SHARE of the run."""
     if scene.run.time_step is not None:
         return scene.run.time_step
@@ -182,7 +182,7 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         sides={name: sides[name] for name in air_setup.SIDES},
         density=air.density,
         viscosity=air.viscosity,
-        time_step=air_time_step(scene),
+        time_step=run_time_step(scene),
         model=model,
         constants=ClosureConstants(
             karman=air.karman, smagorinsky=air.smagorinsky, length_share=air.length_share
