@@ -146,17 +146,17 @@ def undo_command(session: Session) -> str:
 
 
 def grain_command(session: Session, number: str) -> str:
-    now, network = simulation.snapshot(session.sim, 0), simulation.contact_network(session.sim, 0)
-    rows = np.flatnonzero(now.ident.astype(str) == number)
+    state, network = simulation.snapshot(session.sim, 0), simulation.contact_network(session.sim, 0)
+    rows = np.flatnonzero(state.ident.astype(str) == number)
     if not len(rows):
-        raise BadInput(f"no grain has the number {number}; there are {len(now.ident)}")
+        raise BadInput(f"no grain has the number {number}; there are {len(state.ident)}")
     row, ends = rows[0], np.stack([network.first, network.second], axis=1)
-    x, y, z = 1e3 * now.position[row]
-    speed, spin = np.linalg.norm(now.velocity[row]), np.linalg.norm(now.spin[row])
-    text = f"grain {number}: radius {1e3 * now.radius[row]:.4g} mm, mass {now.mass[row]:.4g} kg\n"
+    x, y, z = 1e3 * state.position[row]
+    speed, spin = np.linalg.norm(state.velocity[row]), np.linalg.norm(state.spin[row])
+    text = f"grain {number}: radius {1e3 * state.radius[row]:.4g} mm, mass {state.mass[row]:.4g} kg\n"
     text += f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm, {speed:.4g} m/s, spin {spin:.4g} rad/s"
-    for touch in np.flatnonzero((ends == now.ident[row]).any(axis=1)):
-        partner = ends[touch].sum() - now.ident[row]
+    for touch in np.flatnonzero((ends == state.ident[row]).any(axis=1)):
+        partner = ends[touch].sum() - state.ident[row]
         body = f"grain {partner}" if partner >= 0 else network.walls[-1 - partner]
         text += f"\ntouches {body} with {network.normal_force[touch]:.4g} N"
     return text

@@ -144,7 +144,7 @@ def run(
     options = {name: entries.pop(name) for name in OPTIONS if name in entries}
     overrides = changes_as_overrides(changes, entries, OPTIONS)
     with tempfile.TemporaryDirectory() as folder, progress_bar("running") as report:
-        chosen = RunOptions(
+        run_options = RunOptions(
             overrides=overrides,
             record=None if isinstance(record, bool) else Path(record),
             no_record=record is False,
@@ -155,7 +155,7 @@ def run(
         file = Path(folder) / "scene.toml" if isinstance(scene, Mapping) else Path(scene)
         if isinstance(scene, Mapping):
             file.write_text(tomlkit.dumps(scene), encoding="utf-8")
-        return Run(run_scene(file, chosen))
+        return Run(run_scene(file, run_options))
 
 
 def sweep(

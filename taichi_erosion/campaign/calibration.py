@@ -230,17 +230,17 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
     """
     import tomlkit
 
-    after = read_scene(scene, tuple(overrides))
+    result = read_scene(scene, tuple(overrides))
     lines = read_text_of_file(scene, str(scene)).splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
     try:
         for override in overrides:
             path, _, value = override.partition("=")
             text = with_entry(text, path.strip().split("."), parse_toml_value(value.strip()))
-        is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(after)
+        is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(result)
     except BadInput:
         is_same = False
-    body = remove_mark(text if is_same else tomlkit.dumps(resolve(after)))
+    body = remove_mark(text if is_same else tomlkit.dumps(resolve(result)))
     last = "with the numbers that its last step confirmed"
     head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
     path = calibrated_scene_path(file, scene)

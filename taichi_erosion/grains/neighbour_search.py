@@ -342,18 +342,18 @@ def list_partition_pairs(world_out: ti.template(), r, p):
     short = 0
     for rank in range(first, last):
         partners = list_partners(world_out, r, rank, entry, limit)
-        listed = ti.min(partners, limit - entry)
-        short += partners - listed
+        entries = ti.min(partners, limit - entry)
+        short += partners - entries
         pairs_out.start[base + rank] = entry
-        pairs_out.stop[base + rank] = entry + listed
-        for e in range(entry, entry + listed):
+        pairs_out.stop[base + rank] = entry + entries
+        for e in range(entry, entry + entries):
             j = pairs_out.neighbour[e]
             if j < first:
                 before = extend_range(before, j)
             if j >= last:
                 behind = extend_range(behind, j)
             write_pair_entry(world_out, r, e, rank, j)
-        entry += listed
+        entry += entries
     replicas_out.short[r, p] = short
     replicas_out.before_low[r, p], replicas_out.before_high[r, p] = before
     replicas_out.after_low[r, p], replicas_out.after_high[r, p] = behind

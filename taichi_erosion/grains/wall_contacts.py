@@ -167,7 +167,7 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
     near = walls.present[s] * entries_out.pushes[e]
     if near == 1 and distance < radius + world_out.replicas.reach[r]:
         normal = out_of_wall_frame(walls, s, entries_out.offset[e] * (1.0 / distance))
-        there = position_at(grains, i) - distance * normal
+        point = position_at(grains, i) - distance * normal
         batch_out.entry[n] = e
         batch_out.owner[n] = entries_out.owner[e]
         batch_out.partner[n] = -1 - w
@@ -175,7 +175,7 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
         batch_out.radius_j[n] = 0.0
         batch_out.overlap[n] = ti.cast(ti.cast(radius, ti.f64) - distance, float)
         set_lane(batch_out.offset, n, ti.cast(normal, float))
-        velocity = ti.cast(surface_velocity(walls, s, there), float)
+        velocity = ti.cast(surface_velocity(walls, s, point), float)
         set_lane(batch_out.velocity, n, grains.velocity[i] - velocity)
         set_lane(batch_out.spin_i, n, grains.spin[i])
         set_lane(batch_out.spin_j, n, ti.cast(walls.spin[s], float))

@@ -67,24 +67,24 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
 def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:
     """Checks of every factor of contacts; then of the bound of restitution, or of a law of rolling."""
     bare, rough = changes.sample_scene(), changes.sample_scene(laws={"rolling": "constant_torque"})
-    chosen, other = SAMPLE_PAIRS[walls], SAMPLE_PAIRS[not walls]
-    before = {pair: getattr(contact, entry) for pair, contact in rough.contact.items()}
+    target, other = SAMPLE_PAIRS[walls], SAMPLE_PAIRS[not walls]
+    numbers = {pair: getattr(contact, entry) for pair, contact in rough.contact.items()}
 
-    def got(pair: str, scene: Scene, strength: float = 1.0, **more: float) -> float:
+    def new_value(pair: str, scene: Scene, strength: float = 1.0, **more: float) -> float:
         changed = probe(params(dose=0.5, **more), {}, scene=scene, strength=strength)
         return getattr(changed.contact[pair], entry)
 
-    yield Check("a dose of 0.5 is a factor of 1.5", got(chosen, rough), 1.5 * before[chosen])
-    yield Check(HALF, got(chosen, rough, 0.5), 1.25 * before[chosen])
-    yield Check("other contacts stay", got(other, rough), before[other])
+    yield Check("a dose of 0.5 is a factor of 1.5", new_value(target, rough), 1.5 * numbers[target])
+    yield Check(HALF, new_value(target, rough, 0.5), 1.25 * numbers[target])
+    yield Check("other contacts stay", new_value(other, rough), numbers[other])
     if entry == "restitution":
-        yield Check("a restitution of 1 is the largest", got(chosen, rough, 40.0), 1.0)
+        yield Check("a restitution of 1 is the largest", new_value(target, rough, 40.0), 1.0)
     if entry == "friction_rolling":
-        force = got(chosen, bare, reference=0.2)
+        force = new_value(target, bare, reference=0.2)
         law = probe(params(), {}, scene=bare).laws.rolling
         yield Check("a scene without rolling friction gets the reference", force, 0.1)
         yield Check("with the law of type C", float(law == "elastic_plastic"), 1.0)
-        yield Check("its other contacts still roll freely", got(other, bare), 0.0)
+        yield Check("its other contacts still roll freely", new_value(other, bare), 0.0)
 
 
 def scale_stress(scene: Scene, factor: float) -> Scene:
@@ -118,17 +118,17 @@ def scale_material(entry: str, power: float, scene: Scene, factor: float) -> Sce
 
 
 def material_checks(entry: str, power: float, dose: float, params: Any, probe: Probe) -> Iterator[Check]:
-    before = changes.sample_scene()
+    sample = changes.sample_scene()
 
-    def got(name: str, strength: float = 1.0) -> float:
-        scene = probe(params(dose=dose), {}, scene=before, strength=strength)
+    def new_value(name: str, strength: float = 1.0) -> float:
+        scene = probe(params(dose=dose), {}, scene=sample, strength=strength)
         return getattr(scene.materials[name], entry)
 
-    sand, steel = (getattr(before.materials[name], entry) for name in ("sand", "steel"))
-    step = probe(params(dose=dose), {}, scene=before).run.time_step
-    yield Check(f"a dose of {dose:g} is a factor of {1.0 + dose:g}", got("sand"), (1.0 + dose) * sand)
-    yield Check(HALF, got("sand", 0.5), (1.0 + 0.5 * dose) * sand)
-    yield Check("walls keep theirs", got("steel"), steel)
+    sand, steel = (getattr(sample.materials[name], entry) for name in ("sand", "steel"))
+    step = probe(params(dose=dose), {}, scene=sample).run.time_step
+    yield Check(f"a dose of {dose:g} is a factor of {1.0 + dose:g}", new_value("sand"), (1.0 + dose) * sand)
+    yield Check(HALF, new_value("sand", 0.5), (1.0 + 0.5 * dose) * sand)
+    yield Check("walls keep theirs", new_value("steel"), steel)
     yield Check("the time step shortens", step, 1e-6 * (1.0 + dose) ** power)
 
 

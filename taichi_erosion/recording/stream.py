@@ -247,7 +247,7 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
 
 
 def update_static_grains(
-    before: StaticGrains, snapshot: Snapshot, moving_speed: float
+    static: StaticGrains, snapshot: Snapshot, moving_speed: float
 ) -> tuple[StaticGrains, bool]:
     """The resting grains at this snapshot, and whether they must be written.
 
@@ -256,16 +256,16 @@ def update_static_grains(
     heap costs next to nothing.
     """
     slow = np.linalg.norm(snapshot.velocity, axis=1) <= moving_speed
-    if before.age + 1 >= REWRITE_INTERVAL:
+    if static.age + 1 >= REWRITE_INTERVAL:
         return StaticGrains(snapshot.ident[slow], snapshot.position[slow], 0), True
-    rows = np.searchsorted(snapshot.ident, before.ident)
-    here = np.isin(before.ident, snapshot.ident)
+    rows = np.searchsorted(snapshot.ident, static.ident)
+    here = np.isin(static.ident, snapshot.ident)
     rows[~here] = 0
-    crept = np.linalg.norm(snapshot.position[rows] - before.position, axis=1)
+    crept = np.linalg.norm(snapshot.position[rows] - static.position, axis=1)
     stays = here & slow[rows] & (crept <= CREEP * snapshot.radius[rows])
     if stays.all():
-        return StaticGrains(before.ident, before.position, before.age + 1), False
-    return StaticGrains(before.ident[stays], snapshot.position[rows[stays]], before.age + 1), True
+        return StaticGrains(static.ident, static.position, static.age + 1), False
+    return StaticGrains(static.ident[stays], snapshot.position[rows[stays]], static.age + 1), True
 
 
 def log_grains(

@@ -100,15 +100,15 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     side = limit_side(low, high)
     error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
     ends = Interval(value, value - error, value + error)
-    measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
+    value_text = interval(ends, 3, voc.scale(name), units.value_unit(name))
     if side == "between":
-        measured = f"between {' and '.join(units.value_text(name, end) for end in (low, high))}"
+        value_text = f"between {' and '.join(units.value_text(name, end) for end in (low, high))}"
     elif side:
-        measured = f"{side} {units.value_text(name, value)}"
+        value_text = f"{side} {units.value_text(name, value)}"
     models = {page_words.BARE: rows.before, page_words.added_effects_text(record): rows.after}
     words = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    return "\n".join([f"{page_words.MEASURED} {measured}", *words, *units.conditions_text(at).split(", ")])
+    return "\n".join([f"{page_words.MEASURED} {value_text}", *words, *units.conditions_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:

@@ -58,14 +58,14 @@ def write_recording(study: Path) -> Path:
     lines = [f"# {page['title']}", *page["warnings"], *page["lead"]]
     for section in sections:
         lines += [f"## {section.title}", *(f"- {line}" for line in section.lines)] if section.lines else []
-    recorded = StudyPage(
+    content = StudyPage(
         title=page["title"],
         summary="\n\n".join(lines),
         table="\n".join(f"## {each.title}\n\n{markdown_table(each.columns, each.rows)}" for each in tables),
         figures={each.name: raster(figure_with_key(each)) for each in pictures},
         properties={"rows": about["rows_visible"], "held_out": about["rows_hidden"], "seed": seed},
     )
-    return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", recorded)
+    return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", content)
 
 
 def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
@@ -135,19 +135,19 @@ def answer_page(
     parts = page_words.page_lines(sentences, lead)
     panels = figures.ranked_places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
-    missing = list[Picture]()  # what explains the measurements
+    causes = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]
         acts = {name for names in sure_and_group(record) for name in names}
         if record.law and record.law.mechanism in acts:
-            missing += figures.dose_pictures(record.mechanisms[record.law.mechanism], voc)
-        missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
-        missing += [figures.posterior_picture(record)]
-        missing += [figures.strength_picture(record)] if record.effects else []
+            causes += figures.dose_pictures(record.mechanisms[record.law.mechanism], voc)
+        causes += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
+        causes += [figures.posterior_picture(record)]
+        causes += [figures.strength_picture(record)] if record.effects else []
     adoption = records.get("adopt", leading)
     misfits = [figures.misfit_picture(adoption)] if page_words.added_effects_text(adoption) else []
     numbers = [figures.calibrated_number_picture(adoption)] if adoption.parameters else []
-    columns = missing, [*misfits, *numbers, *others], []
+    columns = causes, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
     tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)
     *titles, method_title = page_words.SECTIONS

@@ -187,7 +187,7 @@ def relative_error(document: Mapping[str, Any], name: str) -> float:
     return max(ends["high"] / measure["value"] - 1.0, 1.0 - ends["low"] / measure["value"])
 
 
-def survey_document(survey: Survey, runs: Mapping[str, Any], written: Sequence[Path]) -> dict[str, Any]:
+def survey_document(survey: Survey, runs: Mapping[str, Any], files: Sequence[Path]) -> dict[str, Any]:
     """JSON document of a survey, SI units: what was asked, formulas, documents of its runs by scene."""
     sand = survey.sand
     return {
@@ -200,5 +200,5 @@ def survey_document(survey: Survey, runs: Mapping[str, Any], written: Sequence[P
         "flux": [{source: flux_by(source, sand, wind) for source in FLUX} for wind in survey.winds],
         "measured": [survey.flux_at(wind) for wind in survey.winds],
         "runs": dict(runs),
-        "written": [str(path) for path in written],
+        "written": [str(path) for path in files],
     }

@@ -39,15 +39,15 @@ def interval_text(measure: Document, scale: float = 1.0) -> str:
 
 def flux_table(document: Document) -> Table:
     """Flux by wind [g/(m s)]: simulated, by the formulas, measured; without columns that are empty."""
-    runs, measured, laws = document["runs"], document["measured"], tuple(document["flux"][0])
-    head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measured))
+    runs, measurements, laws = document["runs"], document["measured"], tuple(document["flux"][0])
+    head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measurements))
     rows = []
-    for wind, formulas, measurement in zip(document["winds"], document["flux"], measured, strict=True):
+    for wind, formulas, measurement in zip(document["winds"], document["flux"], measurements, strict=True):
         measure = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
         cells = [f"{wind:g}", *[interval_text(measure, 1e3)] * bool(runs)]
         cells += [
             *(plain(1e3 * formulas[law]) for law in laws),
-            *[interval_text(measurement, 1e3)] * any(measured),
+            *[interval_text(measurement, 1e3)] * any(measurements),
         ]
         rows.append(tuple(cells))
     return Table(f"flux [g/(m s)], {INTERVAL}", head, tuple(rows))
