@@ -81,7 +81,7 @@ def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), share, 
 
 
 @ti.kernel
-def predict(axis: ti.template(), share: ti.f64, now: ti.f64, before: ti.f64, air_out: ti.template()):
+def predict_velocity(axis: ti.template(), share: ti.f64, now: ti.f64, before: ti.f64, air_out: ti.template()):
     """Predicted velocities along an axis of all replicas.
 
     Writes `air_out`: elimination, velocities.

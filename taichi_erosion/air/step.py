@@ -31,7 +31,7 @@ from taichi_erosion.air.grid import (
     cell_velocity,
     store_void_fraction,
 )
-from taichi_erosion.air.implicit_z import predict, predict_column
+from taichi_erosion.air.implicit_z import predict_column, predict_velocity
 from taichi_erosion.air.inlet_turbulence import update_inlet_fluctuation
 from taichi_erosion.air.momentum import set_explicit_rates
 from taichi_erosion.air.pressure.conjugate_gradient import (
@@ -105,7 +105,7 @@ def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
         fill_wall_viscosity(air)
     apply_to_all_columns(set_explicit_rates, air)
     for axis in range(3):
-        predict(axis, stage.share, stage.now, stage.before, air)
+        predict_velocity(axis, stage.share, stage.now, stage.before, air)
     extrapolate_outlets(air)
     fill_velocity_ghosts(air)
     if air.model.exchange:

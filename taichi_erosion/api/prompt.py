@@ -102,9 +102,9 @@ def measure_command(session: Session) -> str:
 
 
 def plot_command(session: Session, name: str, file: str) -> str:
-    from taichi_erosion.report.figure_style import curve_figure, raster
+    from taichi_erosion.report.figure_style import as_png, curve_figure
 
-    return str(live.write_file(session, Path(file), raster(curve_figure(*live.curve(session, name), name))))
+    return str(live.write_file(session, Path(file), as_png(curve_figure(*live.curve(session, name), name))))
 
 
 def watch_command(session: Session, *names: str) -> str:

@@ -192,7 +192,7 @@ def sweep(
     from taichi_erosion.campaign import sweep as sweeps
     from taichi_erosion.core.files import ListedFolder
     from taichi_erosion.measures.result import without_nan
-    from taichi_erosion.report.figure_style import raster, sweep_figure
+    from taichi_erosion.report.figure_style import as_png, sweep_figure
 
     path, _ = sweeps.parse_sweep_values(over)
     folder = out or Path("recordings") / f"{scene.stem}-{path}"
@@ -204,7 +204,7 @@ def sweep(
     curves: dict[str, list[tuple[str, float, float]]] = {}
     for one in [point for point in points if isfinite(point.value)] or points:
         curves.setdefault(f"{one.measure} [{one.unit}]", []).append((one.entry, one.value, one.sd))
-    files = sweeps.write_sweep(folder, over, points, raster(sweep_figure(path, curves)))
+    files = sweeps.write_sweep(folder, over, points, as_png(sweep_figure(path, curves)))
     rows = [asdict(one) for one in points]
     document = {"path": path, "points": rows, "files": [str(file) for file in files]}
     output.print_result(without_nan(document), as_json, output.print_sweep)
@@ -425,7 +425,7 @@ def verify(
     from taichi_erosion.verification.claims import verify_claims as verify_claims
 
     def print_claim(claim: "Claim") -> None:
-        typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
+        typer.echo(f"{claim.id} {output.claim_mark(claim.passed)}: {claim.claim}", err=True)
 
     full = source_module("tests.verification.ladder")
     ladder = full.LADDER if full else closed_forms.LADDER

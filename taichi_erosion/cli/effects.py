@@ -340,7 +340,7 @@ def law_check_points(
     from taichi_erosion.core.device import start_device, stop_device
     from taichi_erosion.core.effect_probe import allocate_bench, make_probe
     from taichi_erosion.core.setup import Numerics
-    from taichi_erosion.mechanisms.law import at_dose, device_response
+    from taichi_erosion.mechanisms.law import device_response, params_at
 
     parts = parts[:: -(-len(parts) // MOST_POINTS)]
     doses, responses = [each.dose for each in parts], [0.0] * len(parts)
@@ -348,7 +348,7 @@ def law_check_points(
         start_device(Numerics(threads=1))
         try:
             probe = make_probe(mechanism, allocate_bench())
-            responses = [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
+            responses = [device_response(mechanism, probe, params_at(mechanism, dose), {}) for dose in doses]
         finally:
             stop_device()
     settings = [

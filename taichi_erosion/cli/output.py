@@ -118,7 +118,7 @@ def print_claims(document: Record) -> None:
     """Print the verification table."""
     claims = document["claims"]
     rows = (
-        (*(number_text(claim[key]) for key in CLAIM), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
+        (*(number_text(claim[key]) for key in CLAIM), claim_mark(claim["passed"]), f"{claim['wall_s']:.1f}")
         for claim in claims
     )
     print_table("verification", (*CLAIM, "", "s"), rows)
@@ -127,7 +127,7 @@ def print_claims(document: Record) -> None:
         typer.echo(f"note: {known_failures} of those that fail are known to; docs/trust.md says why")
 
 
-def verdict(holds: bool) -> str:
+def claim_mark(holds: bool) -> str:
     """Mark of a claim that holds, or of one that does not."""
     return "ok" if holds else "FAILED"
 

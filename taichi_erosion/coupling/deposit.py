@@ -20,7 +20,7 @@ from math import pi
 from taichi_erosion.air.grid import cell_velocity, layer_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import wrapped_position
-from taichi_erosion.grains.state import partition_first_rank, side_block
+from taichi_erosion.grains.state import partition_first_rank, side_start
 
 real = ti.f64
 
@@ -181,7 +181,7 @@ def deposit_part(world_out: ti.template(), coupling_out: ti.template(), r, p):
         sums_out.drag_source[row, c] = 0.0 * sums_out.drag_source[row, c]
         sums_out.impulse[row, c] = 0.0 * sums_out.impulse[row, c]
     (replicas,) = ti.static((world_out.replicas,))
-    base = side_block(world_out.grains, r, replicas.side[r])
+    base = side_start(world_out.grains, r, replicas.side[r])
     first = first_rank_of_part(world_out, coupling_out, r, p)
     for rank in range(first, first_rank_of_part(world_out, coupling_out, r, p + 1)):
         deposit_grain(world_out, coupling_out, r, row, base + rank)

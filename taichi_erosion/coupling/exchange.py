@@ -34,7 +34,7 @@ from taichi_erosion.coupling.gather import gather_grain, gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.partition import barrier, owns_partition
 from taichi_erosion.grains.sleep import update_sleep_states
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import side_start
 
 real = ti.f64
 
@@ -222,7 +222,7 @@ def spin_up_round(
         advance_column(coupling_out.air, r, LONGEST)
     for rank in range(world_out.grains.capacity):
         if number > 0 and rank < world_out.replicas.released[r]:
-            i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
+            i = side_start(world_out.grains, r, world_out.replicas.side[r]) + rank
             gather_grain(world_out, coupling_out, r, i, False)
     for p in range(coupling_out.sums.parts):
         if p < part_count(world_out, coupling_out, r):

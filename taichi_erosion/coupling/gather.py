@@ -17,7 +17,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, cell_wind, column_share, layer_range, share_below
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.integrate import SPHERE
-from taichi_erosion.grains.state import partition_first_rank, side_block
+from taichi_erosion.grains.state import partition_first_rank, side_start
 
 real = ti.f64
 
@@ -172,7 +172,7 @@ def apply_grain_effects(world_out: ti.template(), r, i, grain_out: ti.template()
 def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, updates_state):
     """Frozen terms of the grains of one partition; effects update their state where `updates_state`."""
     (replicas,) = ti.static((world_out.replicas,))
-    base = side_block(world_out.grains, r, replicas.side[r])
+    base = side_start(world_out.grains, r, replicas.side[r])
     for rank in range(partition_first_rank(replicas, r, p), partition_first_rank(replicas, r, p + 1)):
         gather_grain(world_out, coupling, r, base + rank, updates_state)
 

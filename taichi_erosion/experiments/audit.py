@@ -31,7 +31,7 @@ from taichi_erosion.experiments.anova import anova, curvature_test
 from taichi_erosion.experiments.design import stack_parts
 from taichi_erosion.experiments.fit import Fit, Order, Term, figures_of_merit, model_terms, term_name
 from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.published import Claims, Finding, PrintedNumber, PublishedTable, word_of
+from taichi_erosion.experiments.published import Claims, Finding, PrintedNumber, PublishedTable, word_meaning
 from taichi_erosion.tables.headings import read_heading
 
 NOTHING = 1e-6  # coded levels closer than this are one [1]
@@ -114,7 +114,7 @@ def audit_table(path: Path, response: str | None = None, claims_file: Path | Non
     printed = list[Term]()  # terms of the lines of the printed analysis of variance
     for text in next(iter(sheet.columns.values())) if sheet else ():
         with suppress(BadInput):  # named where the lines are compared
-            printed += [] if word_of("lines", text) else [parse_term(text, names)]
+            printed += [] if word_meaning("lines", text) else [parse_term(text, names)]
     for terms in dict.fromkeys(((), tuple(printed))):
         try:
             fits.append(fit_table(table, claims, structure, terms))
@@ -328,7 +328,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     findings, lines, rows = list[Finding](), dict[int, str](), {row.source: asdict(row) for row in anova(fit)}
     for place, text in enumerate(sources):
         try:
-            source = word_of("lines", text) or term_name(parse_term(text, names), names)
+            source = word_meaning("lines", text) or term_name(parse_term(text, names), names)
             if source not in rows:
                 raise BadInput(f"'{text}' is no line of this model")
         except BadInput as fault:  # a line that is not understood is said, not dropped
@@ -351,7 +351,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
 
 def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
-    words = word_of("quantities", heading)
+    words = word_meaning("quantities", heading)
     shares = {
         quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells] or [0.0]))
         for quantity in published.vocabulary()["quantities"]

@@ -126,10 +126,10 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     """Distinct local optima, the most desirable first, the most certain first among equals."""
     ends = start_points(len(fits[0].factors))
     for softness in SOFTNESS:
-        loss = partial(shortfall, fits, goals, softness=softness)
+        loss = partial(goal_loss, fits, goals, softness=softness)
         ends = np.array([nearest_minimum(loss, end) for end in ends])
         ends = ends[np.unique(np.round(ends / ALIKE), axis=0, return_index=True)[1]]
-    overall, missing = desirability(goal_shares(fits, goals, ends)), shortfall(fits, goals, ends)
+    overall, missing = desirability(goal_shares(fits, goals, ends)), goal_loss(fits, goals, ends)
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
     indices: list[int] = []
     for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
@@ -178,7 +178,7 @@ def goal_shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softn
     return np.column_stack([goal_desirability(goal, fit.predict(coded), softness) for goal, fit in pairs])
 
 
-def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
+def goal_loss(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Objective to minimise, [points]: 1 - D inside all limits, 1 and the excess over them outside."""
     desirabilities = goal_shares(fits, goals, coded, softness)
     return 1.0 - desirability(desirabilities) + np.sum(np.maximum(-desirabilities, 0.0), axis=1)

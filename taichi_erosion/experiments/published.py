@@ -146,7 +146,7 @@ def vocabulary() -> dict[str, dict[str, list[str]]]:
     )
 
 
-def word_of(kind: str, text: str) -> str:
+def word_meaning(kind: str, text: str) -> str:
     """What the words of a heading mean; empty for others. A number may follow the word of a column."""
     plain = plain_words(text)
     plain = plain if kind != "columns" else re.sub(r" ?\d.*", "", plain) or plain
@@ -255,7 +255,7 @@ def usable_number_columns(sheet: Sheet) -> dict[str, Floats]:
     columns = dict[str, Floats]()
     for heading in sheet.columns:
         numbers = sheet.numbers(heading)
-        role = word_of("columns", heading)
+        role = word_meaning("columns", heading)
         counter = np.arange(1.0, len(numbers) + 1.0)
         varies = len(np.unique(numbers[np.isfinite(numbers)])) > 1
         counts = not role and np.array_equal(np.sort(numbers), counter)
@@ -273,7 +273,7 @@ def usable_number_columns(sheet: Sheet) -> dict[str, Floats]:
 
 def column_roles(usable: dict[str, Floats]) -> tuple[list[str], list[str]]:
     """Columns of levels; columns of results, by their word or of many different numbers behind levels."""
-    named = [n for n in usable if word_of("columns", n) == "result" or meaning_of(n)[0] == "observable"]
+    named = [n for n in usable if word_meaning("columns", n) == "result" or meaning_of(n)[0] == "observable"]
     rest = [name for name in usable if name not in named]
     few = [n for n in rest if len(np.unique(usable[n])) <= max(MOST_LEVELS, len(usable[n]) // 2)]
     behind = [n for n in rest if few and n not in few and rest.index(n) > rest.index(few[0])]

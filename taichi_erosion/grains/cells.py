@@ -14,7 +14,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
-from taichi_erosion.grains.state import arrays, side_block
+from taichi_erosion.grains.state import arrays, side_start
 
 SPREAD = 2.0  # half width of the box over the standard deviation of the grains' positions [1]; few lie beyond
 WIDER = 1.1  # factor on the width of cells while they are too many [1]
@@ -115,7 +115,7 @@ def wrapped_position(grains: ti.template(), replicas: ti.template(), r, i):
 @ti.func
 def box_and_position_sums(grains: ti.template(), replicas: ti.template(), r, begin, end):
     """Low and high corner of the box around the grains of ranks begin to end [m], and sums for `main_box`."""
-    base = side_block(grains, r, replicas.side[r])
+    base = side_start(grains, r, replicas.side[r])
     low = replicas.high[r]
     high = replicas.low[r]
     total, squares = ti.Vector.zero(ti.f64, 3), ti.Vector.zero(ti.f64, 3)
@@ -178,7 +178,7 @@ def sort_grains_by_cell(cells_out: ti.template(), grains: ti.template(), replica
     Grains that are taken out, whose cell is GONE, get no rank.
     """
     count = replicas.released[r]
-    base = side_block(grains, r, replicas.side[r])
+    base = side_start(grains, r, replicas.side[r])
     row = r * grains.capacity
     first = first_cell(cells_out, r)
     order_axes_by_cells(cells_out, r)

@@ -16,7 +16,7 @@ from typing import Any
 from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.integrate import kick_duration
-from taichi_erosion.grains.state import REBUILD, arrays, first_force_place, side_block
+from taichi_erosion.grains.state import REBUILD, arrays, first_force_place, side_start
 
 NOWHERE = -1  # of `rank`
 
@@ -88,7 +88,7 @@ def body_spin(clumps: ti.template(), b, frame):
 def record_sphere_places(world_out: ti.template(), r, first, last):
     """Record where the sort has put the spheres of ranks first to last, on the valid side."""
     grains, clumps_out = ti.static((world_out.grains, world_out.clumps))
-    base = side_block(grains, r, world_out.replicas.side[r])
+    base = side_start(grains, r, world_out.replicas.side[r])
     for rank in range(first, last):
         clumps_out.rank[r * grains.capacity + grains.ident[base + rank]] = rank
 
@@ -134,7 +134,7 @@ def kick_and_drift_body(world_out: ti.template(), r, b, kick):
 def place_spheres(world_out: ti.template(), r, b):
     """Positions and velocities of the spheres of body b; returns REBUILD where one has left its skin."""
     clumps, grains_out = ti.static((world_out.clumps, world_out.grains))
-    base = side_block(grains_out, r, world_out.replicas.side[r])
+    base = side_start(grains_out, r, world_out.replicas.side[r])
     frame = rotation_matrix(clumps.orientation[b])
     spin = body_spin(clumps, b, frame)
     period = world_out.replicas.period[r]

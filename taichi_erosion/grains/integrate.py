@@ -10,7 +10,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.sleep import hold_if_asleep
-from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_block
+from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_start
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
@@ -89,7 +89,7 @@ def kick_and_drift_grain(world_out: ti.template(), r, i, buffer, kick, place):
 def advance_grains(world_out: ti.template(), r, p, step, is_last):
     """Advance the awake grains of one partition; returns REBUILD where a rebuild is due."""
     grains, replicas = ti.static((world_out.grains, world_out.replicas))
-    base = side_block(grains, r, replicas.side[r])
+    base = side_start(grains, r, replicas.side[r])
     buffer = first_force_place(grains, replicas, r, p)
     kick = kick_duration(replicas, r, step)
     need = 0

@@ -22,7 +22,7 @@ from typing import Any
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
-from taichi_erosion.grains.state import block, side_block
+from taichi_erosion.grains.state import block, side_start
 
 ENGAGED = 1  # bit of a label: the contact acts
 MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
@@ -121,7 +121,7 @@ def wants_more_than_cells(world: ti.template(), r, i):
 def count_wide_grains(world_out: ti.template(), r):
     """Set `crowded` where more grains than `WIDE_MOST` would reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
-    base = side_block(grains, r, replicas_out.side[r])
+    base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
         wide += wants_more_than_cells(world_out, r, i)

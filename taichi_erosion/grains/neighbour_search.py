@@ -33,7 +33,7 @@ from taichi_erosion.grains.neighbour_list import (
     verlet_skin,
 )
 from taichi_erosion.grains.sleep import copy_sleep_state, set_awake
-from taichi_erosion.grains.state import partition_first_rank, side_block
+from taichi_erosion.grains.state import partition_first_rank, side_start
 
 TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
@@ -53,7 +53,7 @@ def find_pair_entry(pairs: ti.template(), place_i, place_j, rank_j):
 @ti.func
 def find_old_entry(world: ti.template(), r, rank_i, rank_j):
     """Entry of a pair in the old lists, or -1, and the sign of its history for the first grain."""
-    row, old = r * world.grains.capacity, side_block(world.grains, r, world.replicas.side[r])
+    row, old = r * world.grains.capacity, side_start(world.grains, r, world.replicas.side[r])
     old_i, old_j = world.cells.order[row + rank_i], world.cells.order[row + rank_j]
     sign, source = 1.0, find_pair_entry(world.pairs, old + old_i, old + old_j, old_j)
     if source < 0:
@@ -75,7 +75,7 @@ def pair_proximity(world: ti.template(), r, i, j, period):
         if ti.static(world.pair_effects.any):
             free = within - world.replicas.met_reach[r]
             if distance_squared >= free * free:
-                base = side_block(grains, r, 1 - world.replicas.side[r])
+                base = side_start(grains, r, 1 - world.replicas.side[r])
                 source, _ = find_old_entry(world, r, i - base, j - base)
                 state = ti.select(source < 0, 0, world.pairs.label[ti.max(source, 0)] & MET) // MET
     if ti.static(world.has_clumps):
@@ -135,7 +135,7 @@ def append_partner(world_out: ti.template(), entry, limit, partners, touching, j
 def list_partners_in_cells(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of one grain in its own and adjacent cells, wide partners excepted."""
     (cells,) = ti.static((world_out.cells,))
-    base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
+    base = side_start(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
     periodic = reorder_axes(cells, r, ti.cast(period > 0.0, ti.i32))
@@ -158,7 +158,7 @@ def list_partners_in_cells(world_out: ti.template(), r, rank, entry, limit):
 def list_partners_of_wide(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of a wide grain among all others; a pair of wide grains is listed by the first."""
     (replicas,) = ti.static((world_out.replicas,))
-    base = side_block(world_out.grains, r, 1 - replicas.side[r])
+    base = side_start(world_out.grains, r, 1 - replicas.side[r])
     period = replicas.period[r]
     partners, touching = 0, 0
     for j in range(replicas.released[r]):
@@ -173,7 +173,7 @@ def list_partners_of_wide(world_out: ti.template(), r, rank, entry, limit):
 @ti.func
 def list_partners(world_out: ti.template(), r, rank, entry, limit):
     """List the partners of one grain from `entry` on; returns the number of entries needed."""
-    base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
+    base = side_start(world_out.grains, r, 1 - world_out.replicas.side[r])
     partners = 0
     if is_wide_grain(world_out, r, base + rank):
         partners = list_partners_of_wide(world_out, r, rank, entry, limit)
@@ -186,7 +186,7 @@ def list_partners(world_out: ti.template(), r, rank, entry, limit):
 def release_grain(world_out: ti.template(), r, rank):
     """Put the next grain of the GrainTable at place `rank` of the valid side, with empty lists."""
     grains_out, source = ti.static((world_out.grains, world_out.source))
-    i = side_block(grains_out, r, world_out.replicas.side[r]) + rank
+    i = side_start(grains_out, r, world_out.replicas.side[r]) + rank
     ident = rank + world_out.replicas.removed[r]
     row = r * grains_out.capacity + ident
     grains_out.origin[i] = source.position[row]
@@ -234,8 +234,8 @@ def release_grains(world_out: ti.template(), r):
 def copy_grain_to_rank(world_out: ti.template(), r, rank):
     """Copy the grain that the sort puts at `rank` to the other side, with the shift added to the origin."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    i = side_block(grains_out, r, replicas.side[r]) + world_out.cells.order[r * grains_out.capacity + rank]
-    k = side_block(grains_out, r, 1 - replicas.side[r]) + rank
+    i = side_start(grains_out, r, replicas.side[r]) + world_out.cells.order[r * grains_out.capacity + rank]
+    k = side_start(grains_out, r, 1 - replicas.side[r]) + rank
     velocity = grains_out.velocity[i]
     radius = grains_out.radius[i]
     allowed = verlet_skin(replicas, r, radius, velocity.norm())
@@ -298,7 +298,7 @@ def may_have_history(world: ti.template(), i, j, difference):
 def write_pair_entry(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Constants and contact history of one listed pair."""
     grains, pairs_out, materials = ti.static((world_out.grains, world_out.pairs, world_out.materials))
-    base = side_block(grains, r, 1 - world_out.replicas.side[r])
+    base = side_start(grains, r, 1 - world_out.replicas.side[r])
     i = base + rank_i
     j = base + rank_j
     difference = nearest_image(grains.origin[i] - grains.origin[j], world_out.replicas.period[r])
@@ -333,7 +333,7 @@ def list_partition_pairs(world_out: ti.template(), r, p):
     """Fill the lists of one partition, and record the ranks that its forces reach."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
-    base = side_block(world_out.grains, r, side)
+    base = side_start(world_out.grains, r, side)
     first = partition_first_rank(replicas_out, r, p)
     last = partition_first_rank(replicas_out, r, p + 1)
     entry = side_first_entry(pairs_out, r, side) + partition_first_entry(pairs_out, replicas_out, r, p)

@@ -17,7 +17,7 @@ from taichi_erosion.grains.simd_batch import (
     store_history,
 )
 from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
-from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_block
+from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_start
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
 STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of a 32-bit number
@@ -247,7 +247,7 @@ def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
 def add_pair_forces(world_out: ti.template(), r, p):
     """Add the forces of all pairs of one partition."""
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
-    base = side_block(grains, r, replicas.side[r])
+    base = side_start(grains, r, replicas.side[r])
     first = partition_first_rank(replicas, r, p)
     last = partition_first_rank(replicas, r, p + 1)
     dt = replicas.time_step[r]

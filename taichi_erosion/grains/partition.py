@@ -11,7 +11,7 @@ run, since forces are summed partition by partition.
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.neighbour_list import ENGAGED
-from taichi_erosion.grains.state import ARRIVAL_SLOT, side_block
+from taichi_erosion.grains.state import ARRIVAL_SLOT, side_start
 
 CPU_CHUNK = 512  # Taichi divides CPU iterations into blocks of this size: one worker needs a whole block
 # costs over that of testing a listed pair that is apart; measured in a funnel that empties
@@ -72,7 +72,7 @@ def grain_cost(world: ti.template(), i):
 def balance_partitions(world_out: ti.template(), r):
     """Bounds of all partitions of replica r in the new order, by one worker."""
     grains, cells, replicas_out = ti.static((world_out.grains, world_out.cells, world_out.replicas))
-    base = side_block(grains, r, replicas_out.side[r])
+    base = side_start(grains, r, replicas_out.side[r])
     count, parts = replicas_out.released[r], replicas_out.partitions[r]
     whole = ti.cast(0, ti.i64)
     if parts > 1:

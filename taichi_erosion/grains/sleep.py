@@ -25,7 +25,7 @@ from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED, entry_count
 from taichi_erosion.grains.partition import barrier, owns_partition
-from taichi_erosion.grains.state import arrays, partition_first_rank, side_block
+from taichi_erosion.grains.state import arrays, partition_first_rank, side_start
 
 REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
 DEEP = 0.05  # of its weight, by air and fields: a grain with more lies open to the wind [1]
@@ -141,7 +141,7 @@ def count_rest_exchanges(world_out: ti.template(), r, i):
 def mark_unsettled_pairs(world_out: ti.template(), r, i):
     """Mark both grains of every engaged pair of the grain at place i where one has not rested long enough."""
     pairs, sleep_out = ti.static((world_out.pairs, world_out.sleep))
-    base, rest_least = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.rest_least[r]
+    base, rest_least = side_start(world_out.grains, r, world_out.replicas.side[r]), sleep_out.rest_least[r]
     for k in range(entry_count(pairs, i)):
         e = pairs.start[i] + k * pairs.stride
         j = base + pairs.neighbour[e]
@@ -176,7 +176,7 @@ def update_sleep_states(world_out: ti.template(), r, member, size, phase):
     """Sleep states of replica r until the next exchange; returns the next barrier."""
     (replicas_out,) = ti.static((world_out.replicas,))
     if world_out.sleep.rest_least[r] > 0:
-        base = side_block(world_out.grains, r, replicas_out.side[r])
+        base = side_start(world_out.grains, r, replicas_out.side[r])
         for task in ti.static((count_rest_exchanges, mark_unsettled_pairs, update_sleep_state)):
             for p in range(replicas_out.partitions[r]):
                 if owns_partition(replicas_out, r, p, member, size):

@@ -170,7 +170,7 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
 
 
 @ti.func
-def side_block(grains: ti.template(), r, side):
+def side_start(grains: ti.template(), r, side):
     """First place of one side of replica r."""
     return (2 * r + side) * grains.capacity
 

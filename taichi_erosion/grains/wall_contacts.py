@@ -30,7 +30,7 @@ from taichi_erosion.grains.simd_batch import (
     store_history,
 )
 from taichi_erosion.grains.sleep import is_asleep
-from taichi_erosion.grains.state import block, first_force_place, partition_first_rank, side_block
+from taichi_erosion.grains.state import block, first_force_place, partition_first_rank, side_start
 from taichi_erosion.grains.walls import (
     NO_SERVO,
     TORQUE,
@@ -272,7 +272,7 @@ def next_wall_entry(world_out: ti.template(), base, e, end):
 def add_wall_forces(world_out: ti.template(), r, p):
     """Add the forces of all walls on the grains of one partition."""
     grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
-    base = side_block(grains, r, replicas.side[r])
+    base = side_start(grains, r, replicas.side[r])
     first = partition_first_rank(replicas, r, p)
     last = partition_first_rank(replicas, r, p + 1)
     dt = replicas.time_step[r]
@@ -329,7 +329,7 @@ def write_wall_entry(world_out: ti.template(), r, e, rank, w):
     """Write entry e: its constants, and the history of the grain with primitive w."""
     grains, walls, entries_out = ti.static((world_out.grains, world_out.walls, world_out.wall_pairs))
     before = world_out.cells.order[r * grains.capacity + rank]
-    old = side_block(grains, r, world_out.replicas.side[r]) + before
+    old = side_start(grains, r, world_out.replicas.side[r]) + before
     row = pair_row(world_out.materials, r, grains.material[old], walls.material[primitive_surface(walls, w)])
     root, mass = ti.sqrt(grains.radius[old]), 1.0 / grains.mass_inverse[old]
     inertia = ROLLING_INERTIA * mass * grains.radius[old] * grains.radius[old]
@@ -360,7 +360,7 @@ def wall_clearance(world: ti.template(), e, gap):
 def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
     """List the walls near one grain from `entry` on; returns the number of entries needed."""
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
-    i = side_block(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
+    i = side_start(world_out.grains, r, 1 - world_out.replicas.side[r]) + rank
     clear = (1.0 - ROUNDING) * ti.sqrt(world_out.grains.skin_squared[i])
     count = 0
     for k in range(walls.primitives):
@@ -381,7 +381,7 @@ def list_walls_of_partition(world_out: ti.template(), r, p):
     """Fill the wall lists of one partition; `Replicas.wall_short` counts the entries that did not fit."""
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
-    base = side_block(world_out.grains, r, side)
+    base = side_start(world_out.grains, r, side)
     first = partition_first_rank(replicas_out, r, p)
     entry = side_first_entry(entries_out, r, side) + partition_first_entry(entries_out, replicas_out, r, p)
     limit = entry + entries_out.capacity // replicas_out.partitions[r]

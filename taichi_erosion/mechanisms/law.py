@@ -24,7 +24,7 @@ def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, C
         return None
 
     def of_law(params: Any, strength: float, conditions: Conditions) -> Constants:
-        return constants(at_dose(mechanism, strength * float(dose_of(params, conditions))), 1.0, conditions)
+        return constants(params_at(mechanism, strength * float(dose_of(params, conditions))), 1.0, conditions)
 
     return of_law
 
@@ -37,12 +37,12 @@ def law_act(mechanism: Effect, dose_of: DoseOf) -> Callable[..., Any]:
     def act(params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
         """The changed scene."""
         dose = strength * float(dose_of(params, conditions))
-        return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+        return mechanism.act(params_at(mechanism, dose), 1.0, conditions, scene)
 
     return act
 
 
-def at_dose(mechanism: Effect, dose: float) -> Any:
+def params_at(mechanism: Effect, dose: float) -> Any:
     """Parameters of a mechanism at one dose, held within its range."""
     return mechanism.params(dose=float(np.clip(dose, *dose_range(mechanism))))
 
@@ -55,7 +55,7 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
         if mechanism.place == "scene":
             scene = sample_scene(wind=SAMPLE_WIND)
             got = probe(params, conditions, scene=scene)
-            want = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+            want = mechanism.act(params_at(mechanism, dose), 1.0, conditions, scene)
             numbers = (all_numbers_in(resolve(each)) for each in (got, want))
             differences = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
             yield Check(claim, max(differences), 0.0, atol=1e-4)

@@ -19,7 +19,7 @@ from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
-from taichi_erosion.report.figure_style import raster
+from taichi_erosion.report.figure_style import as_png
 from taichi_erosion.report.html import origin_line, picture_address, write_page
 from taichi_erosion.tables.number_words import markdown_table, round_to_scatter, value_and_sd_text
 
@@ -54,7 +54,7 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
     folder = ListedFolder(calibration.file.folder)
     for name, figure in page_figures(calibration):
-        folder.write_file(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
+        folder.write_file(f"{PICTURES}/{name}.png", as_png(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     assert calibration.surface is not None
     document = calibration.document
@@ -70,7 +70,7 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
         document=document,
         leading=next(iter(targets)),
         design=f"{design} of {len(runs)} runs, {runs.kinds.count('centre')} of them at the centre",
-        verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
+        verdicts={name: agreement_text(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=round_to_scatter,
         symbols=parameter_symbols(calibration),
@@ -125,7 +125,7 @@ def effect_table(calibration: Calibration, name: str) -> Cells:
     return header[:count], [row[:count] for row in rows]
 
 
-def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
+def agreement_text(test: Mapping[str, Any], name: str, unit: str) -> str:
     """Yes or no to the question whether the calibrated scene reproduces the measurement, with the power."""
     answer = "Yes."
     if test["p"] != test["p"]:

@@ -117,7 +117,7 @@ def sweep_figure(path: str, curves: Mapping[str, Sequence[tuple[str, float, floa
 
 
 @page_style()
-def raster(figure: Figure, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
+def as_png(figure: Figure, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
     """Figure as PNG; equal figures give equal bytes."""
     page = io.BytesIO()
     figure.savefig(page, format="png", dpi=dots_per_inch, metadata={"Software": None})

@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from taichi_erosion.core.files import mark_png, write_atomic
 from taichi_erosion.measures.photograph import read_grey_picture
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, Sand, flux_by
-from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, page_style, panels, raster, set_axis_scale
+from taichi_erosion.report.figure_style import AFTER, BEFORE, INK, as_png, page_style, panels, set_axis_scale
 
 Document = Mapping[str, Any]
 
@@ -32,7 +32,7 @@ def survey_picture(document: Document) -> bytes:
     for frame in (left, right):
         frame.set(ylim=(0.0, None))
         frame.legend(fontsize=7.0)
-    return raster(figure)
+    return as_png(figure)
 
 
 def draw_thresholds(frame: Axes, document: Document) -> None:
@@ -96,4 +96,4 @@ def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Pat
     sd = "" if record["sd"] is None else f" \N{PLUS-MINUS SIGN} {record['sd']:.1f}"
     title = f"{record['value']:.1f}{sd} deg"
     axes.legend(title=title, loc="upper right", fontsize=8, title_fontsize=10, framealpha=0.85)
-    return write_atomic(to, mark_png(to, photograph, raster(figure, DOTS_PER_INCH)))
+    return write_atomic(to, mark_png(to, photograph, as_png(figure, DOTS_PER_INCH)))

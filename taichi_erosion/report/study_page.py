@@ -23,7 +23,7 @@ from taichi_erosion.evidence.words.part_words import sure_and_group
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
-from taichi_erosion.report.figure_style import Figure, Picture, figure_with_key, raster
+from taichi_erosion.report.figure_style import Figure, Picture, as_png, figure_with_key
 from taichi_erosion.report.html import origin_line, write_page
 from taichi_erosion.tables.number_words import markdown_table
 
@@ -62,7 +62,7 @@ def write_recording(study: Path) -> Path:
         title=page["title"],
         summary="\n\n".join(lines),
         table="\n".join(f"## {each.title}\n\n{markdown_table(each.columns, each.rows)}" for each in tables),
-        figures={each.name: raster(figure_with_key(each)) for each in pictures},
+        figures={each.name: as_png(figure_with_key(each)) for each in pictures},
         properties={"rows": about["rows_visible"], "held_out": about["rows_hidden"], "seed": seed},
     )
     return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", content)

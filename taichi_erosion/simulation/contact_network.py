@@ -18,7 +18,7 @@ from taichi_erosion.grains.pair_contacts import (
     pair_effect_force,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import side_start
 from taichi_erosion.grains.wall_contacts import (
     detect_wall,
     evaluate_wall,
@@ -96,7 +96,7 @@ def write_contact_row(rows_out: ti.template(), place, partner, normal, distance,
 def list_grain_contacts(world_out: ti.template(), rows_out: ti.template(), r, rank, first):
     """Write the contacts of one grain from row `first` on; returns their number."""
     pairs, walls = ti.static((world_out.pairs, world_out.wall_pairs))
-    base = side_block(world_out.grains, r, world_out.replicas.side[r])
+    base = side_start(world_out.grains, r, world_out.replicas.side[r])
     i, batch, n = base + rank, world_out.batch_type(), 0
     for k in range(entry_count(pairs, i)):
         force = force_of_pair_entry(world_out, batch, r, base, pairs.start[i] + k * pairs.stride)

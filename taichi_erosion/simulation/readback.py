@@ -8,7 +8,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT, entry_count
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import side_start
 from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
@@ -75,7 +75,7 @@ def add_number(numbers_out: ti.template(), row, column, number):
 @ti.func
 def add_energy_and_speed(world: ti.template(), sums_out: ti.template(), r, row, rank):
     """Kinetic and potential energy [J] and speed [m s-1] of one grain."""
-    i, place = side_block(world.grains, r, world.replicas.side[r]) + rank, r * world.grains.capacity + rank
+    i, place = side_start(world.grains, r, world.replicas.side[r]) + rank, r * world.grains.capacity + rank
     half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
     mass = 1.0 / world.grains.mass_inverse[i]
     inertia = SPHERE_INERTIA * mass * world.grains.radius[i] ** 2
@@ -104,7 +104,7 @@ def add_grain_to_sums(
 ):
     """Motion of one grain, and its contacts with walls and with the grains of its list."""
     pairs, walls = ti.static((world.pairs, world.wall_pairs))
-    base = side_block(world.grains, r, world.replicas.side[r])
+    base = side_start(world.grains, r, world.replicas.side[r])
     i, touching = base + rank, 0
     add_energy_and_speed(world, sums_out, r, place, rank)
     for k in range(entry_count(pairs, i)):

@@ -12,7 +12,7 @@ from taichi_erosion.grains.neighbour_list import count_wide_grains
 from taichi_erosion.grains.neighbour_search import copy_grains_in_order, list_partition_pairs, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition, step_barrier
-from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_block
+from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_start
 from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls_of_partition
 from taichi_erosion.grains.walls import move_walls
 
@@ -27,7 +27,7 @@ OVERFLOW = int(Status.OVERFLOW)
 def position_fault(world: ti.template(), r, rank):
     """Whether the position of a grain is finite and inside the domain: 0, LOST or NOT_FINITE, and where."""
     grains, replicas = ti.static((world.grains, world.replicas))
-    i = side_block(grains, r, replicas.side[r]) + rank
+    i = side_start(grains, r, replicas.side[r]) + rank
     position = wrapped_position(grains, replicas, r, i)
     if ti.static(world.has_clumps):  # all spheres of a clump leave together
         sphere = r * grains.capacity + grains.ident[i]
@@ -64,7 +64,7 @@ def mark_removal(world_out: ti.template(), r, rank, fault):
         world_out.cells.cell[r * grains.capacity + rank] = GONE * leaves
         if ti.static(world_out.has_clumps):
             if leaves == 1:
-                i = side_block(grains, r, world_out.replicas.side[r]) + rank
+                i = side_start(grains, r, world_out.replicas.side[r]) + rank
                 world_out.clumps.rank[r * grains.capacity + grains.ident[i]] = NOWHERE
     return leaves
 

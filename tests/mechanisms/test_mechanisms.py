@@ -6,7 +6,7 @@ import pytest
 
 from taichi_erosion.effect_library import effect_titles, load_library
 from taichi_erosion.mechanisms import library
-from taichi_erosion.mechanisms.law import at_dose
+from taichi_erosion.mechanisms.law import params_at
 
 BASIS = library.load_mechanisms()
 
@@ -38,6 +38,6 @@ def test_titles_and_doses_that_are_read_without_the_compiler_are_those_of_the_re
 
 
 def test_a_law_gives_no_dose_beyond_the_range_of_its_mechanism():
-    assert at_dose(BASIS["contact_pull"], -3.0).dose == 0.0
-    assert at_dose(BASIS["sliding_friction"], -2.5).dose == library.dose_range(BASIS["sliding_friction"])[0]
-    assert at_dose(BASIS["sliding_friction"], 0.5).dose == 0.5
+    assert params_at(BASIS["contact_pull"], -3.0).dose == 0.0
+    assert params_at(BASIS["sliding_friction"], -2.5).dose == library.dose_range(BASIS["sliding_friction"])[0]
+    assert params_at(BASIS["sliding_friction"], 0.5).dose == 0.5

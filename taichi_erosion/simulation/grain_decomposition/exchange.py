@@ -14,7 +14,7 @@ from taichi_erosion.coupling.exchange import advance_loaded_column, update_cell_
 from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import count_rest_exchanges, mark_unsettled_pairs, update_sleep_state
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import side_start
 from taichi_erosion.simulation.grain_decomposition.buffers import Stage
 
 CHUNK = 64  # grains that one thread sums; another number would give other bits
@@ -68,7 +68,7 @@ def compile_air_force_task(updates_state: bool) -> Any:
     @ti.func
     def gather_air_force(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
         if rank < world_out.replicas.released[r]:
-            i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
+            i = side_start(world_out.grains, r, world_out.replicas.side[r]) + rank
             gather_grain(world_out, coupling, r, i, updates_state)
 
     return gather_air_force
@@ -80,7 +80,7 @@ def compile_sleep_task(change: Any) -> Any:
     @ti.func
     def sleep(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
         if rank < world_out.replicas.released[r]:
-            change(world_out, r, side_block(world_out.grains, r, world_out.replicas.side[r]) + rank)
+            change(world_out, r, side_start(world_out.grains, r, world_out.replicas.side[r]) + rank)
 
     return sleep
 

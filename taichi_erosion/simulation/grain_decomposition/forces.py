@@ -16,7 +16,7 @@ from taichi_erosion.grains.pair_contacts import (
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row, store_history
 from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
-from taichi_erosion.grains.state import first_force_place, side_block
+from taichi_erosion.grains.state import first_force_place, side_start
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
 WALLS = 1  # buffer of the forces of walls; that of pairs is the first
@@ -29,14 +29,14 @@ def pair_at_place(world_out: ti.template(), coupling: ti.template(), buffers_out
     if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:
         side = world_out.replicas.side[r]
         e = side_first_entry(pairs, r, side) + k
-        if e < pairs.stop[side_block(world_out.grains, r, side) + k % pairs.stride]:
+        if e < pairs.stop[side_start(world_out.grains, r, side) + k % pairs.stride]:
             evaluate_pair_entry(world_out, buffers_out, r, k, e)
 
 
 @ti.func
 def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r, k, e):
     """Force of the pair of entry e, at place k of replica r, kept for both; its history advances."""
-    base = side_block(world_out.grains, r, world_out.replicas.side[r])
+    base = side_start(world_out.grains, r, world_out.replicas.side[r])
     batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
     near, acts = 0, 0
     if next_awake_entry(world_out, base, e, e + 1) == e:
@@ -90,7 +90,7 @@ def clear_pair_force(buffers_out: ti.template(), place):
 def sum_pair_forces(world_out: ti.template(), buffers: ti.template(), r, rank):
     """Sum the forces of all pairs of a grain: first its own entries, then its reverse list."""
     grains_out, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
-    i, row = side_block(grains_out, r, replicas.side[r]) + rank, r * grains_out.capacity + rank
+    i, row = side_start(grains_out, r, replicas.side[r]) + rank, r * grains_out.capacity + rank
     entries = r * pairs.capacity
     force, torque = ti.Vector.zero(float, 3), ti.Vector.zero(float, 3)
     for k in range(entry_count(pairs, i)):
@@ -126,7 +126,7 @@ def evaluate_wall_forces(world_out: ti.template(), coupling: ti.template(), buff
 def sum_wall_forces(world_out: ti.template(), buffers_out: ti.template(), r, rank):
     """Forces of all walls on a grain, in a buffer of their own."""
     entries, replicas = ti.static((world_out.wall_pairs, world_out.replicas))
-    base = side_block(world_out.grains, r, replicas.side[r])
+    base = side_start(world_out.grains, r, replicas.side[r])
     buffer = first_force_place(world_out.grains, replicas, r, WALLS)
     e, end = entries.start[base + rank], entries.stop[base + rank]
     while e < end:
@@ -151,7 +151,7 @@ def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
     grains_out, replicas, entries = ti.static((world_out.grains, world_out.replicas, world_out.wall_pairs))
     if rank < replicas.released[r]:
         sum_pair_forces(world_out, buffers, r, rank)
-        i = side_block(grains_out, r, replicas.side[r]) + rank
+        i = side_start(grains_out, r, replicas.side[r]) + rank
         if entries.start[i] < entries.stop[i]:
             buffer = first_force_place(grains_out, replicas, r, 0) + rank
             walls = first_force_place(grains_out, replicas, r, WALLS) + rank
@@ -166,7 +166,7 @@ def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: t
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     join_forces(world_out, coupling, buffers_out, r, rank)
     if rank < replicas.released[r]:
-        i = side_block(grains_out, r, replicas.side[r]) + rank
+        i = side_start(grains_out, r, replicas.side[r]) + rank
         buffer = first_force_place(grains_out, replicas, r, 0) + rank
         kick = kick_duration(replicas, r, buffers_out.step[r])
         place = ti.select(buffers_out.last[r] == 1, r * grains_out.capacity + rank, -1)

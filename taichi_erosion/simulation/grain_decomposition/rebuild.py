@@ -28,7 +28,7 @@ from taichi_erosion.grains.neighbour_search import (
     release_grain,
     write_pair_entry,
 )
-from taichi_erosion.grains.state import side_block
+from taichi_erosion.grains.state import side_start
 from taichi_erosion.grains.wall_contacts import list_walls_of_grain
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, insertion_sort
 from taichi_erosion.simulation.grain_decomposition.forces import clear_pair_force
@@ -118,7 +118,7 @@ def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
     """Note the cell of a grain, and count it there: two places on, so that filling leaves the bounds."""
     cells_out, grains = ti.static((world_out.cells, world_out.grains))
     if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
-        i = side_block(grains, r, world_out.replicas.side[r]) + rank
+        i = side_start(grains, r, world_out.replicas.side[r]) + rank
         c = cell_of_grain(cells_out, grains, world_out.replicas, r, i)
         cells_out.cell[r * grains.capacity + rank] = c
         ti.atomic_add(cells_out.first[first_cell(cells_out, r) + c + 2], 1)
@@ -200,7 +200,7 @@ def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     """Entries of one grain for its partners, with constants and histories, and in their reverse lists."""
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
-        i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
+        i = side_start(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         block, stride = side_first_entry(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
         first, room = block + rank, pairs_out.capacity // stride
         partners = list_partners(world_out, r, rank, first, first + room * stride)
@@ -243,7 +243,7 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     """Entries of one grain for the walls near it."""
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
-        i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
+        i = side_start(world_out.grains, r, 1 - replicas_out.side[r]) + rank
         entry = side_first_entry(entries_out, r, 1 - replicas_out.side[r])
         count = list_walls_of_grain(world_out, r, rank, 0, 0)
         limit = entry + entries_out.capacity
