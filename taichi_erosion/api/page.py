@@ -25,7 +25,7 @@ from taichi_erosion.api.prompt import execute_line, parse_end_time
 from taichi_erosion.api.session_entries import changeable_numbers
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
-from taichi_erosion.execution.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
+from taichi_erosion.execution.recorder import Recorder, log_changed_walls, meshes_of, resting_speed, side_view
 from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import CHALK, colours_by_quantity
@@ -169,7 +169,7 @@ class Page:
             colours = colours_by_quantity(colour, now, slow, max(stream.FASTEST_COLOUR, 2.0 * slow))
             self.idents, colours[now.ident == grain] = now.ident, CHALK
             stream.log_view(recorder.recording, self.frames, now, colours)
-            log_walls(recorder, session.sim)
+            log_changed_walls(recorder, session.sim)
         return out.read() or b""
 
     def steers_session(self, name: str) -> bool:

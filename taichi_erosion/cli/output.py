@@ -86,7 +86,7 @@ def print_run(document: Record, verbose: bool = False) -> None:
     typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
     table = words.run_table(document)
     print_table("", table.columns, table.rows)
-    warnings = [*words.compare_words(document), *dict.fromkeys(words.steady_window_texts(document))]
+    warnings = [*words.measured_value_texts(document), *dict.fromkeys(words.steady_window_texts(document))]
     warnings += (f"{WARNING}{line}" for line in words.run_warnings(document))
     if not verbose and len(warnings) > MOST_TOLD:
         warnings = [*warnings[:MOST_TOLD], f"{len(warnings) - MOST_TOLD} more: --verbose"]

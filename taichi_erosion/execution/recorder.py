@@ -142,7 +142,7 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
     now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
     stream.log_totals(recorder.recording, simulation.energy_totals(sim, recorder.replica))
-    log_walls(recorder, sim)
+    log_changed_walls(recorder, sim)
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.record.fields and len(now.mass):
@@ -160,7 +160,7 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
     return now
 
 
-def log_walls(recorder: Recorder, sim: Simulation) -> None:
+def log_changed_walls(recorder: Recorder, sim: Simulation) -> None:
     """Write the walls that move, or have gone, as they are now."""
     movable = [wall for wall in recorder.walls if wall.moving]
     poses = simulation.wall_poses(sim, recorder.replica) if movable else {}

@@ -55,7 +55,7 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "made": origin_line(
             f"seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}", document["versions"]["taichi_erosion"]
         ),
-        "summary": list(run_words.compare_words(document)),
+        "summary": list(run_words.measured_value_texts(document)),
         "warnings": run_words.run_warnings(document),
         "table": run_words.run_table(document),
         "notes": list(run_words.run_notes(document)),

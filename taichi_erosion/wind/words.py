@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any
 
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.run_words import compare_words, run_warnings, with_sd_text
+from taichi_erosion.evidence.words.run_words import measured_value_texts, run_warnings, with_sd_text
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.measures.wind_formulas import RANGES
 from taichi_erosion.tables.number_words import plain
@@ -56,7 +56,7 @@ def flux_table(document: Document) -> Table:
 def survey_notes(document: Document) -> Iterator[str]:
     """Comparisons and warnings of all runs, each with its scene, and where formulas do not hold."""
     for name, run in document["runs"].items():
-        yield from (f"{name}: {line}" for line in compare_words(run))
+        yield from (f"{name}: {line}" for line in measured_value_texts(run))
         yield from (f"warning: {name}: {line}" for line in run_warnings(run))
     yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():

@@ -50,7 +50,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         mechanisms=mechanism_parts(decision_used),
         parameters=parameter_parts(posterior),
         levels=tuple(observable_level_parts(posterior)) if sound else (),
-        errors=tuple(error_parts(posterior)) if sound else (),
+        errors=tuple(inferred_errors(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
         repeats=tuple(repeat_disagreement_parts(race, after)),
         n=race.prepared.rows.size,
@@ -329,7 +329,7 @@ def observable_level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
             yield parts.LevelPart(**vars(size), observable=observable.name, kind=name, probability=chance)
 
 
-def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
+def inferred_errors(posterior: Posterior) -> Iterator[parts.ErrorPart]:
     """Errors of sources, groups, rows and scatter that the likeliest explanation finds, beyond 90 %.
 
     A row is bad where the explanations that find it so have SURE together.

@@ -45,7 +45,7 @@ def run_table(document: Document) -> Table:
     return Table("", COLUMNS, tuple(rows))
 
 
-def compare_words(document: Document) -> Iterator[str]:
+def measured_value_texts(document: Document) -> Iterator[str]:
     """One sentence for every measured value."""
     for name, datum in document["measured"].items():
         measure, title = document["measures"].get(name, {}), quantity(name)

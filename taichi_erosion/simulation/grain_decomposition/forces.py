@@ -23,7 +23,7 @@ WALLS = 1  # buffer of the forces of walls; that of pairs is the first
 
 
 @ti.func
-def pair_at_place(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+def evaluate_pair_at(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Force of the pair at place k of the entries of replica r, if there is one."""
     (pairs,) = ti.static((world_out.pairs,))
     if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:

@@ -10,11 +10,11 @@ from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stage, barrier
 from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, is_exchange_due
 from taichi_erosion.simulation.grain_decomposition.forces import (
+    evaluate_pair_at,
     evaluate_wall_forces,
     join_forces,
     move_body,
     move_grain,
-    pair_at_place,
 )
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, advance_clock_and_walls, required_action
@@ -129,7 +129,7 @@ def close_step(world_out: ti.template(), coupling: ti.template(), buffers_out: t
 def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers) -> Stages:
     """Stages of an ensemble; the same object for the same fields, since a kernel is compiled for it."""
     grains = world.grains.capacity
-    forces = ((is_stepping, pair_at_place, world.pairs.capacity), (act_always, note_step, 1))
+    forces = ((is_stepping, evaluate_pair_at, world.pairs.capacity), (act_always, note_step, 1))
     if world.walls.primitives:
         forces = (*forces, (is_stepping, evaluate_wall_forces, grains))
     motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, close_step, 1)),)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.evidence.words.run_words import compare_words, next_steps, run_table, run_warnings
+from taichi_erosion.evidence.words.run_words import measured_value_texts, next_steps, run_table, run_warnings
 
 
 def run_document(value: float, n: int = 3, **more) -> dict:
@@ -24,7 +24,7 @@ def run_document(value: float, n: int = 3, **more) -> dict:
     ],
 )
 def test_a_difference_is_told_in_standard_errors_or_beside_one_run_in_scatters(value, n, words):
-    assert words in next(compare_words(run_document(value, n)))
+    assert words in next(measured_value_texts(run_document(value, n)))
 
 
 def test_what_a_set_up_lacks_is_told_once_and_forbids_the_comparison():
@@ -32,12 +32,12 @@ def test_what_a_set_up_lacks_is_told_once_and_forbids_the_comparison():
     document = run_document(6.2, shortfalls=[lack])
     told = run_warnings(document)
     assert told == ["angle of repose, angle of the cone: too small", "flank not straight (3 of 3 repeats)"]
-    assert "cannot be compared" in next(compare_words(document))
+    assert "cannot be compared" in next(measured_value_texts(document))
 
 
 def test_a_difference_says_that_the_heap_is_too_small_for_its_angle():
     lack = {"flag": "size", "sentence": "the angle has not converged: 5 rows", "blocks": False}
-    told = next(compare_words(run_document(28.7, shortfalls=[lack | {"stated": True}])))
+    told = next(measured_value_texts(run_document(28.7, shortfalls=[lack | {"stated": True}])))
     assert "lower than measured (the angle has not converged): 13.2 standard errors" in told
 
 
