@@ -18,7 +18,6 @@ SAME = 0.998  # share of a column's variance that a parabola of another one expl
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
 AGAIN = "it follows the measured quantity exactly"
-LENGTH = parse_unit("m").kind
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
@@ -29,6 +28,7 @@ NUMBERED = re.compile(
     re.IGNORECASE,
 )
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
+REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at its centre alone
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
     r"\b(?:predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
@@ -43,8 +43,8 @@ def stem(heading: str) -> str:
 
 def is_height(heading: Heading) -> bool:
     """Whether a column holds heights above the bed at which something was measured."""
-    unit = heading.unit
-    return bool(ABOVE.fullmatch(plain_words(heading.name)) and unit) and parse_scale(unit).kind == LENGTH
+    name, unit = plain_words(heading.name), heading.unit
+    return bool(ABOVE.fullmatch(name) and unit) and parse_scale(unit).kind == parse_unit("m").kind
 
 
 def own_name(heading: str, others: Sequence[str], place: int) -> str:
@@ -57,9 +57,8 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
     symbol = re.compile(r"(?<![α-ω\u0301])[α-ω](?![α-ω\u0301])")
     latin = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`
     latin = symbol.sub(lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
-    signs = unicodedata.normalize("NFKC", latin)
-    words = "".join(sign if f"a{sign}".isidentifier() else " " for sign in signs)
-    plain = re.sub(r"[\s_]+", "_", words.strip(" _"))[:40].strip("_")
+    signs = (x if f"a{x}".isidentifier() else " " for x in unicodedata.normalize("NFKC", latin))
+    plain = re.sub(r"[\s_]+", "_", "".join(signs).strip(" _"))[:40].strip("_")
     plain = plain if plain[:1].isalpha() else f"column_{plain or place + 1}"
     return f"column_{place + 1}" if plain in others else plain
 
@@ -94,7 +93,7 @@ def why_column_is_no_condition(
     """Why a column of numbers is no condition; empty where it is one.
 
     A column with many values that differs between repeats, and that these do not follow, is no condition
-    where another one varies.
+    where another one varies and so many rows repeat others that this is no accident.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
@@ -115,7 +114,8 @@ def why_column_is_no_condition(
         text for text, other in others.items() if is_parabola_of(values, other) or follows(values, other)
     ]:
         return f"it changes with '{same[0]}' alone"
-    many = distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
+    is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
+    many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
     if many and np.ptp(rest) > 0.0 and not any(column_affects_result(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""

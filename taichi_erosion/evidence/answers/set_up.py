@@ -104,10 +104,10 @@ def disagreement_faults(problem: Problem) -> Iterator[SetUpFault]:
 def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Fewer rows under different conditions than tell apart what may act; a soil has numbers of its own."""
     table, calibrated = problem.visible_rows(), len(problem.parameters) + len(problem.adopted)
-    cells = condition_cells(table)
-    points = len(set(zip(table.observable, cells, strict=True)))
-    sets = [group for group, _ in {*zip(table.group, cells, strict=True)}]
-    calibrated += max(len({group for group in sets if sets.count(group) > 1}) - 1, 0)
+    sets = {*zip(table.observable, table.group, condition_cells(table), strict=True)}
+    groups = [group for group, _ in {each[1:] for each in sets}]
+    soils = {group for group in groups if groups.count(group) > 1}
+    points = min(len({(name, cell) for name, _, cell in sets}), len(sets) - max(len(soils) - 1, 0))
     if not (problem.candidates or points > 1) or points >= calibrated + SPARE:
         return
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""

@@ -174,7 +174,7 @@ def scale_variance_by_repeats(
     variance: Floats, squares: float, between: int, own_variance: float, off: Bools
 ) -> Scatter:
     """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
-    if between == 0:
+    if between == 0 or squares < 1e-12:  # equal repeats tell no scatter
         return Scatter(variance, 0.0, own_variance, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
     tail = float(special.chdtrc(between, squares))

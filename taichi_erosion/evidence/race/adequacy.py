@@ -55,7 +55,7 @@ def pure_error_of_repeats(fit: Fit) -> tuple[Floats, Floats]:
                 y, weight, k = rows.y[repeats], rows.weight[repeats], rows.scatter[repeats][0]
                 squares[k] += weight @ (y - np.average(y, weights=weight)) ** 2
                 freedom[k] += count - 1
-    return squares, freedom
+    return squares, freedom * (squares > 1e-12)  # equal rows, as those pasted twice, tell no scatter
 
 
 def misfit_p_value(fit: Fit, levels: bool) -> float:

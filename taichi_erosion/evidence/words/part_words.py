@@ -61,13 +61,13 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
     name, label = f"the {say.quantity(error.observable)}", getattr(error, "label", "")
     more, lies = ("more", "above") if error.value > 0.0 else ("less", "below")
     unit = unit_mistake_text(error.value) if error.kind == "factor" else ""
-    times, far = f"{say.interval(error)} times", voc.difference_text(error.observable, error)
+    times, far = f"{say.interval(error, 3)} times", voc.difference_text(error.observable, error)
     size, other = f"{far} {more}", getattr(error, "other", "") or "the others"
     relation = f"is {times} that of" if getattr(error, "is_factor", False) else f"lies {far} {lies}"
     return {
         "factor": f"{name} reads {factor_text(error)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
-        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
+        "scatter": f"the scatter of {name} is {say.interval(error)} times that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
     }.get(error.kind, f"{name} of {label} {relation} {other}, beyond what their conditions explain")
 
@@ -249,11 +249,11 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
 
 
 def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
-    """`It acts with moisture: the angle of repose rises to about 2 % and falls.`"""
+    """`It acts with moisture: the angle of repose rises to about 2 % and falls relative to the model.`"""
     for curve in record.curves:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
-        words = turns.get(curve.shape, f"{curve.shape} with it")
+        words = f"{turns.get(curve.shape, f'{curve.shape} with it')} relative to the model"
         yield f"It acts with {say.quantity(curve.condition)}: the {say.quantity(curve.observable)} {words}."
 
 

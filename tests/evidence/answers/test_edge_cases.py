@@ -1,6 +1,7 @@
 """Tables and models at the edge of what can be answered: a clear sentence, and no name without evidence."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -98,12 +99,14 @@ def test_a_table_of_limits_alone_names_nothing(study):
     assert ask("compare", path).answer().lines[0].startswith("The calibrated model agrees")
 
 
-@pytest.mark.parametrize(("count", "soils", "enough"), [(5, 4, False), (6, 4, True), (6, 2, False)])
+@pytest.mark.parametrize(("count", "soils", "enough"), [(5, 4, 0), (6, 4, 1), (6, 2, 0), (6, 1, 1)])
 def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count, soils, enough):
     table = "".join(rows(4).splitlines(keepends=True)[: 1 + count])  # three numbers, an effect, a level
     table = table.replace("g2", "g0").replace("g3", "g1") if soils == 2 else table  # of two soils one more
+    one = re.sub("g[0-3]", "g0", table)  # of two soils under all conditions
+    table = one + one.removeprefix(HEAD).replace("g0", "g1") if soils == 1 else table
     with open_study(study(table, study_text().replace("fraction = 0.3", "fraction = 0"))) as found:
-        assert ("too_few_rows" in [fault.kind for fault in found.faults]) is not enough
+        assert ("too_few_rows" in [fault.kind for fault in found.faults]) is not bool(enough)
 
 
 def test_too_few_rows_name_nothing_and_say_why(study):
@@ -127,6 +130,14 @@ def test_repeats_that_differ_more_than_stated_are_told(study, factor):
     with open_study(study(HEAD + "\n".join(lines), text)) as found:
         told = [fault.blocks for fault in found.faults if fault.kind == "scatter"]
     assert told == [False] * (factor > 1.0)
+
+
+def test_rows_that_are_pasted_twice_tell_no_scatter(study):
+    table = table_text({}, 1, repeats=1).replace("value,n", "value,sd,n").replace(",1,deg", ",0.5,1,deg")
+    table = table.replace(",1,m/s", ",0.006,1,m/s")
+    found = ask("compare", study(table + table.partition("\n")[2])).record
+    assert found.p_misfit > 0.05
+    assert all(np.isnan(each.factor) for each in found.scatter)
 
 
 def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):

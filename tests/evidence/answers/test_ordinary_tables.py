@@ -125,14 +125,6 @@ def test_a_narrow_cell_is_steeper_by_its_walls(tmp_path):
     assert found.named == ("side_walls",) or (found.verdict in SILENT)
 
 
-def test_every_site_has_its_roughness_length(tmp_path):
-    study = study_of(tmp_path, "site_roughness", sd={"threshold wind speed at 2 m": "3 %"})
-    table = study.problem.measurements
-    assert table.value[::3] == pytest.approx([0.211, 0.272, 0.377], rel=2e-3)
-    assert table.sd == pytest.approx(0.03 * table.value)
-    assert study.file.conditions.keys() >= {"moisture"}
-
-
 def test_a_unit_in_brackets_within_brackets_is_read(tmp_path):
     table = study_of(tmp_path, "brackets", sd={"flux": "8 %"}).problem.measurements
     assert table.value == pytest.approx([3e-3, 5e-3, 9e-3, 13e-3, 18e-3])
