@@ -125,12 +125,6 @@ def test_a_narrow_cell_is_steeper_by_its_walls(tmp_path):
     assert found.named == ("side_walls",) or (found.verdict in SILENT)
 
 
-def test_a_unit_in_brackets_within_brackets_is_read(tmp_path):
-    table = study_of(tmp_path, "brackets", sd={"flux": "8 %"}).problem.measurements
-    assert table.value == pytest.approx([3e-3, 5e-3, 9e-3, 13e-3, 18e-3])
-    assert table.sd == pytest.approx(0.08 * table.value)
-
-
 LAWS = {  # of the flux over C rho / g u*t^3, by u* / u*t -> interval that holds its power of u*
     "Ungar & Haff": lambda u: u**2 - 1.0,
     "Kawamura": lambda u: (u - 1.0) * (u + 1.0) ** 2,
