@@ -38,6 +38,7 @@ PRIORS = {  # that are halved and doubled
 }
 ONE_LESS = " minus one"  # of what a dose counts
 AGREED = 0.05  # chance of a misfit from which a model agrees; below ADEQUATE it fails, between it is open
+RARELY = "less than one time in twenty"  # below AGREED
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
@@ -130,7 +131,7 @@ def doubt(record: Record) -> str:
     if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
         return "has a trend that the stated scatter would not make"
     rare = record.p_misfit < AGREED or record.p_lack_of_fit < AGREED
-    return "has a misfit that chance makes less than one time in twenty" * rare
+    return f"has a misfit that chance makes {RARELY}" * rare
 
 
 def fails(record: Record) -> bool:
@@ -164,13 +165,12 @@ def misfit_line(record: Record, added: str) -> str:
         return ""
     before, after = plain(record.chi2_per_row_before, 2), plain(record.chi2_per_row_after, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(record.p_misfit)}), {after} with {added}"
-    fails = record.p_misfit_after < ADEQUATE
-    rest = " The model still fails: something else acts too, or by another law." * fails
-    if record.fresh_runs is not None and record.fresh_runs.outcome in TESTED:
-        rest += (
-            f" {count_noun(record.fresh_runs.runs, 'new simulation')} {TESTED[record.fresh_runs.outcome]}."
-        )
-    return f"{words} ({say.chance(record.p_misfit_after)}); 1 is chance.{rest}"
+    p, fresh = record.p_misfit_after, record.fresh_runs
+    rest = " The model still fails: something else acts too, or by another law." * (p < ADEQUATE)
+    rest += f" Chance makes such a misfit {RARELY}: another law may act." * (ADEQUATE <= p < AGREED)
+    if fresh is not None and fresh.outcome in TESTED:
+        rest += f" {count_noun(fresh.runs, 'new simulation')} {TESTED[fresh.outcome]}."
+    return f"{words} ({say.chance(p)}); 1 is chance.{rest}"
 
 
 def calibrated_numbers_line(record: Record, before: bool, without: str = "") -> str:
