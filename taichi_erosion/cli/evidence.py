@@ -1,5 +1,6 @@
 """Commands on studies: `study new`, `study check`, compare, discover, adopt, next, predict, report."""
 
+import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
 from importlib import import_module
@@ -131,10 +132,9 @@ def adopt(
     """Add one or more effects, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    def compute(report: Progress) -> "Reply":
-        return adopt_study(study, effects, report, options)
-
-    run_and_print_reply("adopting", compute, options, as_json, verbose)
+    run_and_print_reply(
+        "adopting", lambda r: adopt_study(study, effects, r, options), options, as_json, verbose
+    )
 
 
 ask("next", "planning", "Find the cheapest experiments that tell the named explanation from its rivals.")
@@ -260,11 +260,11 @@ def new(
     table_options = TableOptions(
         pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit")
     )
-    own_files = (diameter, density, grains, scene, tuple(effect or ()))
     more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
-    own_files = (*own_files, pairs(sd, "--sd"), fill_down, *more)
-    wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *own_files)
-    document = write_new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
+    grain_options = diameter, density, grains, scene, tuple(effect or ()), pairs(sd, "--sd"), fill_down, *more
+    wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *grain_options)
+    answer = (lambda _, guess: guess) if yes or as_json else ask_user
+    document = write_new_study(table, wishes, answer, sys.stdin.isatty())
     output.print_result(document, as_json, output.print_new_study)
 
 

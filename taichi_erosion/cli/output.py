@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -26,7 +25,7 @@ MOST_TOLD = 6  # comparisons and warnings of a run
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
 CLAIM = ("id", "claim", "got", "want", "tolerance", "precision")
 LIMITS = ("candidate", "excluded above (99 %)", "could act unseen below", "imitated by calibration")
-NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
+NUMBERS = ("number", "start", "if nothing is missing", "now", "width over prior width")
 
 
 def print_json(document: Record) -> None:
@@ -71,11 +70,11 @@ def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]
     console.print(table)
 
 
-def number_text(value: Any, form: str = ".6g") -> str:
-    """Number in six significant digits or another form, "-" for None and NaN, any other value as text."""
+def number_text(value: Any) -> str:
+    """Number in six significant digits, "-" for None and NaN, any other value as text."""
     if value is None or value != value:
         return "-"
-    return f"{value:{form}}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def print_run(document: Record, verbose: bool = False) -> None:
@@ -165,13 +164,13 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     from taichi_erosion.evidence.words.vocabulary import interval
 
     about, record = reply.about, reply.record
-    number, share = partial(number_text, form=".3g"), partial(number_text, form=".0%")
     limits = (
-        (name, number(part.limit), number(part.unseen_below), share(part.absorption))
+        (name, *(f"{x:.3g}".replace("inf", "no limit") for x in ends), f"{part.absorption:.0%}")
         for name, part in record.effects.items()
+        for ends in [(part.limit, part.unseen_below)]
     )
     numbers = (
-        (path, plain(part.start), interval(part.before, 3), interval(part, 3), share(part.prior_share))
+        (path, plain(part.start), interval(part.before, 3), interval(part, 3), f"{part.prior_share:.0%}")
         for path, part in record.parameters.items()
     )
     if record.effects:

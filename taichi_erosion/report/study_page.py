@@ -18,7 +18,7 @@ from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
-from taichi_erosion.evidence.words.answer_lines import Table, sensitivity_table
+from taichi_erosion.evidence.words.answer_lines import ANSWERS, Table, sensitivity_table
 from taichi_erosion.evidence.words.part_words import sure_and_group
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
@@ -131,7 +131,7 @@ def answer_page(
     voc = replace(vocabulary, **nearby)
     lead = [name for name in records if name in page_words.LEADING][-1]
     leading = records[lead]
-    sentences = page_words.answers_by_command(records, voc)
+    sentences = {name: answer(records[name], voc) for name, answer in ANSWERS.items() if name in records}
     parts = page_words.page_lines(sentences, lead)
     panels = figures.ranked_places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))

@@ -25,6 +25,11 @@ def plain(value: float, digits: int = 3) -> str:
     return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
+def round_number(value: float, digits: int = 6) -> float:
+    """A number without meaningless digits."""
+    return float(f"{value:.{digits}g}")
+
+
 def toml_key(name: str) -> str:
     """A name as a key of TOML, in quotes where it has letters that are not ASCII."""
     return name if name.isascii() else f'"{name}"'

@@ -24,6 +24,7 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, QUARTZ, Sand, flux_by, iversen_white
 from taichi_erosion.scene.load import SCENES
 from taichi_erosion.scene.schema.units import parse_unit
+from taichi_erosion.tables.number_words import round_number
 
 SCENE = SCENES / "quartz_wind.toml"
 REFERENCE = 2.5e-4  # m, diameter of the grains of both scenes
@@ -107,13 +108,13 @@ def survey_scene_text(survey: Survey, wind: float | None) -> str:
     path, sand = SCENE if wind is None else SCENE.with_name("quartz_flux.toml"), survey.sand
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     d, modulus = sand.diameter, float(document["materials"]["sand"]["shear_modulus"])
-    sizes = {"median": three_digits(d), "low": three_digits(0.8 * d), "high": three_digits(1.25 * d)}
+    sizes = {"median": round_number(d, 3), "low": round_number(0.8 * d, 3), "high": round_number(1.25 * d, 3)}
     changes: dict[str, Any] = {
         "run.replicas": survey.beds,
         "grains.size": {"law": "lognormal", "sigma_log": 0.1, **sizes},
         "materials.sand.density": sand.density,
-        "materials.sand.shear_modulus": three_digits(
-            modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0)
+        "materials.sand.shear_modulus": round_number(
+            modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0), 3
         ),
     }
     if survey.moisture > 0.0:
@@ -124,19 +125,14 @@ def survey_scene_text(survey: Survey, wind: float | None) -> str:
     return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
-def three_digits(value: float) -> float:
-    """A number of three digits."""
-    return float(f"{value:.3g}")
-
-
 def wind_changes(survey: Survey, wind: float) -> dict[str, Any]:
     """Entries of a wind [m s-1]: hops grow with its square, their durations with it."""
     measured, start = survey.flux_at(wind), max(STRONGER * wind, LEAST_START * iversen_white(survey.sand))
     return {
-        "wind.height": three_digits(max(LID, LID_PER_WIND * wind**2)),
-        "stages.1.friction_velocity": three_digits(start),
+        "wind.height": round_number(max(LID, LID_PER_WIND * wind**2), 3),
+        "stages.1.friction_velocity": round_number(start, 3),
         "stages.2.friction_velocity": wind,
-        "stages.3.duration_max": three_digits(max(BLOW, BLOW_PER_WIND * wind)),
+        "stages.3.duration_max": round_number(max(BLOW, BLOW_PER_WIND * wind), 3),
         **({"measured.flux": measured} if measured else {}),
     }
 

@@ -16,7 +16,7 @@ PATCH = (
     "The fluid threshold is of this patch and watch: the first grain that flies sets off others, so four "
     "times the area or the watch lower it by a tenth; `threshold.landings = false` counts the wind alone."
 )
-INTERVAL = "brackets: 95 % over beds; ±: standard deviation"
+INTERVAL = ", brackets: 95 % over beds; ±: standard deviation"  # of what is simulated or measured
 
 
 def threshold_table(document: Document) -> Table:
@@ -26,7 +26,8 @@ def threshold_table(document: Document) -> Table:
     for name in ("fluid_threshold", "impact_threshold"):
         laws = document[name].items()
         rows += [(quantity(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
-    return Table(f"thresholds, {INTERVAL}", ("u* [m/s]; ratio [1]", "by", "value"), tuple(rows))
+    columns = "u* [m/s]; ratio [1]", "by", "value"
+    return Table(f"thresholds{INTERVAL * bool(measures)}", columns, tuple(rows))
 
 
 def interval_text(measure: Document, scale: float = 1.0) -> str:
@@ -45,12 +46,9 @@ def flux_table(document: Document) -> Table:
     for wind, formulas, measurement in zip(document["winds"], document["flux"], measurements, strict=True):
         measure = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
         cells = [f"{wind:g}", *[interval_text(measure, 1e3)] * bool(runs)]
-        cells += [
-            *(plain(1e3 * formulas[law]) for law in laws),
-            *[interval_text(measurement, 1e3)] * any(measurements),
-        ]
-        rows.append(tuple(cells))
-    return Table(f"flux [g/(m s)], {INTERVAL}", head, tuple(rows))
+        cells += (plain(1e3 * formulas[law]) for law in laws)
+        rows.append((*cells, *[interval_text(measurement, 1e3)] * any(measurements)))
+    return Table(f"flux [g/(m s)]{INTERVAL * bool(runs or any(measurements))}", head, tuple(rows))
 
 
 def survey_notes(document: Document) -> Iterator[str]:

@@ -307,3 +307,5 @@ def test_effects_lists_the_library_with_what_was_measured_and_those_of_the_close
     assert "turbulent_gusts" in scenes
     assert all(f"\n{name} " in closed_form for name in EFFECTS)
     assert "study new --closed-form" in closed_form
+    twins = dict(re.findall(r"(\w+) +As (\w+) in scenes", closed_form))
+    assert {*EFFECTS, *twins.values()} - {*load_library()} - {*twins} == {"mid_air_collisions"}

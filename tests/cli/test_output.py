@@ -1,6 +1,7 @@
 """Answers of the evidence commands in a terminal: at most eight lines and a table, more where asked."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -75,9 +76,11 @@ def test_the_next_command_names_the_effect_files_again_but_for_a_study_that_stat
     assert "`./erosion adopt 'my lab/a.toml' liquid_bridge --effect 'my pull.py'`" in capsys.readouterr().out
     print_answer(reply("adopt", ADOPTIONS["adopted"]), options, verbose=False)
     assert "`./erosion compare 'my lab/a_with_liquid_bridge.toml'`" in capsys.readouterr().out
-    print_answer(reply("discover", DISCOVERIES["mechanism"]), options, verbose=False)
+    print_answer(reply("discover", DISCOVERIES["mechanism"]), options, verbose=True)
     result = "'my lab/a-results/a.discover.json'"
-    assert f"`./erosion effects new NAME --from-discovery {result}`" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"`./erosion effects new NAME --from-discovery {result}`" in told
+    assert re.search("side_walls +no limit +no limit +99%", told)
 
 
 def test_a_study_is_answered_as_one_document(tmp_path: Path, capsys):

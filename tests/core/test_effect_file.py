@@ -11,7 +11,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
 
 PULL = effect_file_text("pair_effect").replace("NAME", "constant_pull")
-REMEDY = "`effects new NAME` writes a file of the present interface"
 BROKEN = {  # change of a good file -> what is told of it
     ("EFFECT = ", "OTHER = "): "holds no EFFECT = Effect(...)",
     ("act=pull", "force=pull"): "got an unexpected keyword argument 'force'",

@@ -1,7 +1,7 @@
 """Records of answers, as varied as they come, made by hand: of heaps and thresholds of a soil."""
 
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -43,7 +43,7 @@ SHARES = {"none": 0.94, "liquid_bridge": 0.04, "outside_library": 0.02}
 EFFECTS = {
     "liquid_bridge": EffectPart("excluded", 0.04, 0.04, 0.0, 0.15, 0.18, -2.3, 0.2, 0.2),
     "rolling_resistance": EffectPart("open", 0.02, 0.3, 0.02, 0.9, 1.4, -1.1, 0.6, 0.8),
-    "side_walls": EffectPart("untestable", 0.01, nan, nan, nan, 3.0, -0.1, 0.99, 3.0),
+    "side_walls": EffectPart("untestable", 0.01, nan, nan, nan, inf, -0.1, 0.99, inf),
     "dry_cohesion": EffectPart("open", 0.02, 0.2, 0.01, 0.7, 1.1, -0.6, 0.9, 0.7, ("side_walls",)),
 }
 SLIDING, ROLLING = "contact.soil-soil.friction_sliding", "contact.soil-soil.friction_rolling"

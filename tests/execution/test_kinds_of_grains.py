@@ -41,14 +41,10 @@ stages = [{ name = "meet", until = "time", duration_max = 2e-3 }]
 """)
 
 
-def masses(setup: Any) -> dict[str, float]:
-    grains = setup.grains
-    return {name: grains.mass[grains.material == k].sum() for k, name in enumerate(setup.materials)}
-
-
 def test_shares_of_the_mass_become_numbers_of_grains_and_no_kind_lies_apart():
     setup = replica_setup(load_scene(TWO, ["grains.count=6000", "domain.period=[0.03, 0.03]"]), 1)
-    of = masses(setup)
+    grains = setup.grains
+    of = {name: grains.mass[grains.material == k].sum() for k, name in enumerate(setup.materials)}
     assert of["aggregate"] / (of["sand"] + of["aggregate"]) == pytest.approx(0.3, rel=0.02)
     coarse = setup.grains.material == setup.materials.index("aggregate")
     np.testing.assert_allclose(setup.grains.radius[coarse], 1e-3)

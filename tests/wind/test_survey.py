@@ -95,6 +95,8 @@ def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, mon
     assert "flux_0.3: The sand flux is" in printed.out
     (folder / "thresholds.toml").write_text("# mine\n")
     assert main(words) == 2  # what a user has changed stays
+    assert main(["wind", "--sand", "0.18mm", "--formulas"]) == 0
+    assert (printed.out.count("brackets:"), capsys.readouterr().out.count("brackets:")) == (2, 0)
     assert main(["wind", "--sand", "0.18mm", "--formulas", "--json"]) == 0
     formulas = json.loads(capsys.readouterr().out)
     assert formulas["runs"] == {}

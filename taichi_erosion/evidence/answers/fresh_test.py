@@ -33,7 +33,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import condition_cells
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
-from taichi_erosion.evidence.emulator.design import Setting, round_number
+from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import (
     MOST_CONDITIONS,
     FreshCampaign,
@@ -49,6 +49,7 @@ from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
 from taichi_erosion.evidence.record import FreshPart, GapPart, Outcome, Verdict
+from taichi_erosion.tables.number_words import round_number
 
 Simulate = Callable[..., FreshCampaign]  # settings, requests, weights of rows, progress, times the seeds
 OFF = 0.01  # chance below which an emulator is off: a right answer is lost one time in a hundred
@@ -176,7 +177,9 @@ def fresh_test(
     race = posterior.race
     kinds, requests = answer_and_rivals(race, decision), race.prepared.predictor.row_requests
     settings, part = [run_setting(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
-    campaign = first = simulate(settings, requests, distance_to_rivals(race, kinds), progress)
+    means = np.array([kind.fits[0].mean for kind in kinds])
+    apart = np.sum(np.abs(means - means[0]), axis=0) / race.prepared.row_sd  # the rivals from the answer
+    campaign = first = simulate(settings, requests, apart, progress)
     if not campaign.runs:
         return FreshPart("not_made", kinds[0].acting, needed=len(campaign.keys)), frozenset()
     outcome_part, times = fresh_test_record(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
@@ -310,12 +313,6 @@ def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
     """Probability of one kind, by default the answer, after a change (..., kinds) of the evidence of each."""
     weights = np.array([kind.log_weight for kind in kinds]) + change
     return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))
-
-
-def distance_to_rivals(race: Race, kinds: Sequence[Kind]) -> Floats:
-    """How far the explanations lie from the answer in every row, in sd of the measurement."""
-    means = np.array([kind.fits[0].mean for kind in kinds])
-    return np.sum(np.abs(means - means[0]), axis=0) / race.prepared.row_sd
 
 
 def gap_of(race: Race, kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapPart | None:

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -33,11 +34,13 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     AIR,
     CONDITION,
     NOT_USED,
+    Ask,
     Column,
+    Interview,
     TableOptions,
     can_be_of_any_size,
+    refuse_other,
 )
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
@@ -121,14 +124,14 @@ class StudyRequest:
         return Path(os.path.relpath(file, self.folder)).as_posix()
 
 
-def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
+def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal: bool = False) -> Document:
     """Write table, study and scenes of a laboratory's table; the document says what was understood.
 
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
     folder = wishes.folder or table.parent / table.stem
-    interview, options = Interview(ask), table_options(wishes)
+    interview, options = Interview(ask, at_terminal=at_terminal), table_options(wishes)
     measured = read_laboratory_table(table, options, interview)
     request = StudyRequest(measured, options, condition_places(measured, options), folder, wishes, interview)
     refuse_useless_options(request)
@@ -281,8 +284,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")
-        meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-        diameter = request.interview.choice("Grain diameter with its unit", usual, meaning)
+        diameter = ask_diameter(request.interview, usual)
     entries = (("diameter", diameter, DIAMETER, "m", usual),)
     entries += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
     for name, text, place, unit, example in entries:
@@ -346,10 +348,8 @@ def choose_apparatus(observable: str, request: StudyRequest) -> str:
         return possible[0]
     words = "; ".join(f"{name}: {TEMPLATES[name].words}" for name in possible)
     meaning = f"{observable} is taken as measured with {TEMPLATES[possible[0]].words} (--apparatus)"
-    answer = request.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning)
-    if answer not in possible:
-        raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
-    return answer
+    check = partial(refuse_other, what=observable, allowed=possible)
+    return request.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning, check)
 
 
 def apparatus_scene_text(request: StudyRequest, key: str, names: Sequence[str]) -> str:
@@ -391,9 +391,15 @@ def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
         if scale is not None and values:
             return [scale.to_use(each) for each in values]
     usual = f"{1e3 * template.diameter:g} mm"
-    assumption = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-    answer = diameter or interview.choice("Grain diameter with its unit", usual, assumption)
+    answer = diameter or ask_diameter(interview, usual)
     return [stated_of_grains("--diameter", answer, DIAMETER, "m", usual)]
+
+
+def ask_diameter(interview: Interview, usual: str) -> str:
+    """Diameter of the grains, where no column states it."""
+    meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
+    check = partial(stated_of_grains, "--diameter", place=DIAMETER, unit="m", example=usual)
+    return interview.choice("Grain diameter with its unit", usual, meaning, check)
 
 
 def stated_of_grains(option: str, said: str, place: str, unit: str, example: str) -> float:

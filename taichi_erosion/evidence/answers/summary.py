@@ -125,17 +125,17 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     (values, weight), model, bare = posterior.number_draws, posterior.race.model, posterior.race.bare
     sd, numbers = np.sqrt(np.diag(bare.setting_covariance)), {}
     before = np.array([model.in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
-    least, most = (model.in_units(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
+    least, most = (model.axis_numbers(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.parameter_axes):
         now = weighted_interval(values[:, j], weight)
-        at, tenth = axis_position(axis, now.value), 0.1 * (axis.high - axis.low)
+        low, at, high = (axis_position(axis, each) for each in (now.low, now.value, now.high))
+        tenth = 0.1 * (axis.high - axis.low)
         at_end = bool(np.isfinite(tenth) and not axis.low + tenth < at < axis.high - tenth)
-        share = (now.high - now.low) / float(most[j] - least[j])
         numbers[axis.name] = parts.ParameterPart(
             **vars(now),
             start=axis_value(axis, 0.0),
             before=Interval(*map(float, before[:, j])),
-            prior_share=share,
+            prior_share=(high - low) / float(most[j] - least[j]),
             at_end=at_end,
         )
     return numbers

@@ -15,8 +15,8 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.tables.column_roles import Column, TableOptions
-from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understand_columns
+from taichi_erosion.evidence.data.tables.column_roles import AGREED, Column, Interview, TableOptions
+from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     SOLO_ROWS,

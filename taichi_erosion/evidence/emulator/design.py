@@ -25,6 +25,7 @@ from taichi_erosion.evidence.models.simulator import (
 )
 from taichi_erosion.mechanisms.library import dose_at, dose_position
 from taichi_erosion.scene import Scene
+from taichi_erosion.tables.number_words import round_number
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -34,7 +35,6 @@ JITTER_NUMBERS = 0.4  # prior sd by which runs of a later round spread about an 
 JITTER_STRENGTH = 0.25  # likewise, share of the strength
 LEAST_DOSE = 0.1  # of the largest of an explanation, below which a run shows no mechanism
 BOTH_SIDES = 1.25  # runs along a dose, which has two signs, over those along a strength
-DIGITS = 6  # of a number in a run: rounding errors must not make it another run
 SEEDS = 2**30  # seeds of runs lie below
 
 Row = dict[str, float]  # dotted path of a condition -> value
@@ -273,8 +273,3 @@ def sobol_runs(
 def design_seed(key: str, number: int) -> int:
     """Seed of one run of a design."""
     return int.from_bytes(sha256(f"{key}|{number}".encode()).digest()[:4], "little") % SEEDS + 1
-
-
-def round_number(value: float) -> float:
-    """A number without meaningless digits."""
-    return float(f"{value:.{DIGITS}g}")

@@ -20,8 +20,7 @@ from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import refusal_of_number
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.scene.load import read_text_of_file
-
-DIGITS = 6  # of a calibrated number
+from taichi_erosion.tables.number_words import round_number
 
 
 class Estimate(Protocol):
@@ -94,7 +93,7 @@ def adopted_study_text(study: Study, adoption: Adoption) -> str:
     text = add_effect_files_to_text(text, "study", study.path.parent, study.effect_files)
     listed = {candidate.name: candidate for candidate in study.problem.candidates}
     for effect in adoption.effects:
-        strength = round_value(adoption.strengths[effect].value)
+        strength = round_number(adoption.strengths[effect].value)
         note = interval_comment(adoption.strengths[effect])
         text = with_entry(text, ("adopted", effect, "strength"), strength, note)
         if effect in listed:
@@ -114,10 +113,10 @@ def write_adopted_scene(
     text = add_effect_files_to_text(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
         text = with_entry(
-            text, ("effects", name, "strength"), round_value(strength.value), interval_comment(strength)
+            text, ("effects", name, "strength"), round_number(strength.value), interval_comment(strength)
         )
     for name, number in adoption.numbers.items():
-        value = round_value(number.value)
+        value = round_number(number.value)
         if refusal_of_number(scene, name, value, tuple(study.effect_files)) is None:
             text = with_entry(text, tuple(name.split(".")), value, interval_comment(number))
     return write_atomic(path, mark_toml(path, study.path, text))
@@ -126,8 +125,3 @@ def write_adopted_scene(
 def interval_comment(number: Estimate) -> str:
     """Comment beside a calibrated number: its 90 % interval."""
     return f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
-
-
-def round_value(value: float) -> float:
-    """A calibrated number without meaningless digits."""
-    return float(f"{value:.{DIGITS}g}")

@@ -64,7 +64,7 @@ Law = Callable[[float, Conditions], Shift]
 
 
 def dry_cohesion(psi: float, at: Conditions) -> Shift:
-    """u*t^2 gains gamma / (rho d); Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437, eq. (24)."""
+    """As dry_adhesion in scenes: u*t^2 gains gamma / (rho d); Reference: Shao & Lu (2000), JGR 105, 22437."""
     gamma = 2.0e-4  # N m-1
     weight = GRAVITY * at["grain_density"] / AIR_DENSITY * at["diameter"]
     ratio = psi * gamma / (AIR_DENSITY * at["diameter"]) / weight
@@ -81,13 +81,13 @@ def liquid_bridge(psi: float, at: Conditions) -> Shift:
 
 
 def saffman_lift(psi: float, at: Conditions) -> Shift:
-    """Lift of 0.3 of the drag at 0.25 mm, growing with d: u*t falls as (1 + lift)^-1/2 (plausible size)."""
+    """As shear_lift in scenes: 0.3 of the drag at 0.25 mm; u*t falls as (1 + lift)^-1/2 (plausible size)."""
     lift = 0.3 * psi * (at["diameter"] / MEDIAN_DIAMETER) ** 0.5
     return Shift(threshold=-0.5 * np.log1p(lift))
 
 
 def gusts(psi: float, at: Conditions) -> Shift:
-    """Gusts of two sd start grains: u*t falls as 1 / (1 + 2 psi I); flux gains 3 psi I^2 (plausible size)."""
+    """As turbulent_gusts in scenes: u*t falls as 1 / (1 + 2 psi I), flux gains 3 psi I^2 (plausible size)."""
     intensity = at["turbulence"]
     return Shift(threshold=-np.log1p(2.0 * psi * intensity), flux=np.log1p(3.0 * psi * intensity**2))
 
@@ -115,7 +115,7 @@ def drag_partition(psi: float, at: Conditions) -> Shift:
 
 
 def electrostatics(psi: float, at: Conditions) -> Shift:
-    """Charge lifts dry fine grains: weight less by 20 % at 0.1 mm, lost above 1 % water (plausible size)."""
+    """As electric_field in scenes: weight less by 20 % at 0.1 mm, lost above 1 % water (plausible size)."""
     relief = 0.2 * psi * (1e-4 / at["diameter"]) * np.exp(-at["moisture"] / 0.005)
     return Shift(threshold=-0.5 * np.log1p(relief), flux=0.6 * relief)
 
@@ -129,12 +129,12 @@ def air_density(psi: float, at: Conditions) -> Shift:
 
 
 def mid_air_collisions(psi: float, at: Conditions) -> Shift:
-    """Collisions raise the flux with u*; Reference for the trend: Carneiro et al. (2013), PRL 111, 058001."""
+    """Always there in scenes: u* raises the flux more; Reference: Carneiro et al. (2013), PRL 111, 058001."""
     return Shift(flux=np.log1p(0.8 * psi * np.maximum(at["u_star"] - 0.25, 0.0) / 0.25))
 
 
 def short_fetch(psi: float, at: Conditions) -> Shift:
-    """Flux saturates over psi (5 m): 1 - exp(-x / L); Reference: Dong et al. (2004), Geomorphology 57."""
+    """As finite_fetch in scenes: 1 - exp(-x / L), L = psi 5 m; Reference: Dong (2004), Geomorphology 57."""
     length = 5.0 * max(psi, 1e-12)
     return Shift(flux=np.log(np.maximum(-np.expm1(-at["fetch"] / length), 1e-6)))
 

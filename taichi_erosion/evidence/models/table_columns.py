@@ -15,8 +15,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.measured import told_by, unit_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
-from taichi_erosion.evidence.data.tables.column_roles import Column
-from taichi_erosion.evidence.data.tables.interview import Interview, understand_columns
+from taichi_erosion.evidence.data.tables.column_roles import Column, Interview
+from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
 from taichi_erosion.evidence.data.transforms import effect_at
 from taichi_erosion.evidence.models.simulator import condition_name_of_dotted_path, dotted_paths

@@ -15,17 +15,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.fit import Fit
 from taichi_erosion.evidence.race.priors import ADEQUATE
 
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # of a normal distribution
-
-
-def discrepancy_scale_mask(fit: Fit) -> Bools:
-    """Scales (k,) of smooth discrepancies, which are no chance and no part of an explanation."""
-    kinds = [block.kind for block in fit.blocks]
-    return np.array([*(kind == "discrepancy" for kind in kinds), *(False,) * (fit.scales.size - len(kinds))])
 
 
 def residual(fit: Fit) -> Floats:
@@ -66,7 +60,7 @@ def misfit_p_value(fit: Fit, levels: bool) -> float:
     rows = fit.evidence.solution.rows
     usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.count_scatters
     u = np.where(usual, rows.scales.initial, fit.scales)
-    u = np.where(discrepancy_scale_mask(fit), -np.inf, u)
+    u[[k for k, block in enumerate(fit.blocks) if block.kind == "discrepancy"]] = -np.inf
     if fit.dose is not None:
         factors = rows.block == len(fit.blocks) - 1
         rows = replace(rows, y=rows.y - rows.columns[:, factors] @ fit.dose.coefficients)

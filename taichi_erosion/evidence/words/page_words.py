@@ -6,7 +6,7 @@ from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.part_words import sure_and_group
-from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability_text
+from taichi_erosion.evidence.words.vocabulary import join_words, probability_text
 from taichi_erosion.tables.number_words import count_noun
 
 LEADING = ("discover", "adopt", "compare")  # commands whose answer can lead the page
@@ -46,11 +46,6 @@ METHODS = (
     "Misfit per row is the mean squared residual in standard errors, less levels, sources and groups, p the "
     "chance of as much; this answer took {settings} of the model, {runs}, seed {seed}.",
 )
-
-
-def answers_by_command(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.Answer]:
-    """Answer of every command that was given."""
-    return {name: answer(records[name], voc) for name, answer in lines.ANSWERS.items() if name in records}
 
 
 def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:

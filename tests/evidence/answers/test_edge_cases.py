@@ -109,6 +109,12 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count,
         assert ("too_few_rows" in [fault.kind for fault in found.faults]) is not bool(enough)
 
 
+def test_what_is_left_of_a_prior_counts_on_its_own_scale(study):
+    far = study_text().replace("start = 0.1\nlow = 0.05", "start = 0.02\nlow = 0.005", 1)
+    number = ask("compare", study(rows(6).replace(",0.004,", ",0.5,"), far)).record.parameters
+    assert number["threshold_coefficient"].prior_share <= 1.0
+
+
 def test_too_few_rows_name_nothing_and_say_why(study):
     path = study(rows(1))
     found = ask("discover", path)

@@ -243,14 +243,17 @@ def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
 HEIGHTS = "run;moisture (%);pile height (mm);sd\n1;0;20;1\n2;1;22;1\n3;2;25;1\n"
 
 
-def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_path):
-    def answer(question: str, guessed: str) -> str:
-        return "0,8 mm" if question.startswith("Grain diameter") else guessed
-
-    made(tmp_path, HEIGHTS, NewStudyOptions(apparatus="cylinder", density="2.5 g/cm3", grains=900), answer)
+def test_an_answer_that_is_none_is_asked_again_at_a_terminal_and_refused_in_a_pipe(tmp_path):
+    answers, asked, table = ["Trichter", "cylinder", "viel", "0,8 mm"], list[str](), tmp_path / "t.csv"
+    table.write_text(HEIGHTS, encoding="utf-8")
+    wishes = NewStudyOptions(density="2.5 g/cm3", grains=900)
+    write_new_study(table, wishes, lambda words, _: asked.append(words) or answers.pop(0), at_terminal=True)
+    assert ("'Trichter' is not one of cyl" in asked[1], "'viel': write a number" in asked[3]) == (True, True)
     scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
     assert (scene.grains.size.diameter, scene.grains.count) == (pytest.approx(8e-4), 900)
     assert scene.materials["soil"].density == pytest.approx(2500.0)
+    with pytest.raises(BadInput, match="pile_height: 'Trichter' is not one of cylinder"):
+        write_new_study(table, replace(wishes, anew=True), lambda *_: "Trichter")
 
 
 @pytest.mark.parametrize(
@@ -303,32 +306,23 @@ def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
 def test_a_slope_without_a_unit_is_asked_for_whatever_the_table_and_the_model(tmp_path):
     """Degrees, radians and per cent are as usual; the closed form would count in radians."""
     lines = "threshold_u_star,0.25,0.01,3,m/s,0\nthreshold_u_star,0.26,0.01,3,m/s,10\n"
-    tables = {
-        "own": "slope,threshold u* [m/s],sd [m/s],n\n0,0.25,0.01,3\n10,0.26,0.01,3\n",
-        "tidy": f"observable,value,sd,n,unit,slope\n{lines}",
-    }
-    for name, text in tables.items():
-        table = tmp_path / f"{name}.csv"
-        table.write_text(text, encoding="utf-8")
+    own = "slope,threshold u* [m/s],sd [m/s],n\n0,0.25,0.01,3\n10,0.26,0.01,3\n"
+    for name, text in (("own", own), ("tidy", f"observable,value,sd,n,unit,slope\n{lines}")):
         with pytest.raises(BadInput, match=r"'slope':? has no unit .*such as deg"):
-            write_new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
-        table.write_text(text.replace("slope", "slope [deg]"), encoding="utf-8")
-        found = write_new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
-        assert found["conditions"]["slope"] == "0 to 10 deg"
+            made(tmp_path, text, NewStudyOptions(closed_form=True))
+        wishes = NewStudyOptions(folder=tmp_path / name, closed_form=True)
+        document, _ = made(tmp_path, text.replace("slope", "slope [deg]"), wishes)
+        assert document["conditions"]["slope"] == "0 to 10 deg"
 
 
 def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks(tmp_path):
-    table = tmp_path / "heaps.csv"
-    for heading, used in (("salt content [g/kg]", False), ("moisture [%]", True)):
-        head = f"diameter [mm],{heading},repose angle [deg],sd [deg],n"
-        table.write_text(f"{head}\n1,,28,0.6,4\n1,5,28.4,0.5,4\n2,5,27,0.5,4\n", encoding="utf-8")
-        if used:
-            with pytest.raises(BadInput, match="is blank in row 2"):
-                write_new_study(table, NewStudyOptions(folder=tmp_path / "used"), lambda _, guess: guess)
-        else:
-            found = write_new_study(table, NewStudyOptions(), lambda _, guess: guess)
-            assert list(found["conditions"]) == ["diameter"]
-            assert f"not used: '{heading}' (it is not known in every row)" in found["assumed"]
+    head = "diameter [mm],salt content [g/kg],repose angle [deg],sd"
+    rows = "\n1,,28,0.6\n1,5,28.4,0.5\n2,5,27,0.5\n"
+    document, _ = made(tmp_path, head + rows, NewStudyOptions())
+    assert list(document["conditions"]) == ["diameter"]
+    assert "not used: 'salt content [g/kg]' (it is not known in every row)" in document["assumed"]
+    with pytest.raises(BadInput, match="is blank in row 2"):
+        made(tmp_path, head.replace("salt content [g/kg]", "moisture [%]") + rows, NewStudyOptions())
 
 
 SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 [mm],size_spread,d [mm],n

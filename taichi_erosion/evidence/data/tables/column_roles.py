@@ -9,7 +9,7 @@ velocity by the law of the wall.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isnan, log, nan
 
@@ -41,6 +41,9 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.number_columns import stem
 from taichi_erosion.tables.spreadsheet import Cells, find_column_and_siblings, has_digit
 
+Ask = Callable[[str, str], str]  # (question, guess) -> answer
+Check = Callable[[str], object]  # raises BadInput for an answer that cannot be used
+AGREED = "yYjJoOsS"  # first letters of yes, ja, oui, si
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
@@ -255,6 +258,47 @@ def friction_velocity_ratio(height: float, roughness: float) -> float:
     Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, section 17.1.2.
     """
     return KARMAN / log(height / roughness)
+
+
+@dataclass
+class Interview:
+    """Questions that were asked, and what was assumed where a guess was taken."""
+
+    ask: Ask = lambda _, guess: guess
+    assumptions: list[str] = field(default_factory=list)
+    at_terminal: bool = False  # a person is there, who is asked again
+
+    def choice(self, question: str, guess: str, meaning: str, check: Check = str, why: str = "") -> str:
+        """Answer to a question, asked again at a terminal where `check` raises BadInput.
+
+        An accepted guess is recorded with its meaning.
+        """
+        answer = self.ask(why + question, guess).strip() or guess
+        if answer == guess:
+            self.assume(meaning)
+        elif answer != NOT_USED:
+            try:
+                check(answer)
+            except BadInput as error:
+                if not self.at_terminal:
+                    raise
+                return self.choice(question, guess, meaning, check, f"{error}\n")
+        return answer
+
+    def ask_yes_or_no(self, question: str, meaning: str) -> bool:
+        """Whether the user says yes; the guess is yes."""
+        return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
+
+    def assume(self, meaning: str) -> None:
+        """Record what was assumed without a question."""
+        if meaning and meaning not in self.assumptions:
+            self.assumptions.append(meaning)
+
+
+def refuse_other(answer: str, what: str, allowed: Collection[str]) -> None:
+    """Raise BadInput for an answer that is not among the allowed ones."""
+    if answer not in allowed:
+        raise BadInput(f"{what}: '{answer}' is not one of {', '.join(allowed)}")
 
 
 def parse_roughness_length(text: str, height: float) -> float:

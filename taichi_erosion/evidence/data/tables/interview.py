@@ -5,8 +5,9 @@ is none: without an answer the question is a fault, with what would settle it.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import accumulate
 from math import inf, isnan, nan
 from statistics import median
@@ -23,6 +24,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     ROUGHNESS_LENGTH,
     UNUSED,
     Column,
+    Interview,
     TableOptions,
     can_be_of_any_size,
     columns_with_roles,
@@ -31,6 +33,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     in_unit,
     parse_roughness_length,
     physical_range_of_column,
+    refuse_other,
     set_user_sd,
 )
 from taichi_erosion.scene.physical_ranges import plausible_units
@@ -52,8 +55,6 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.number_columns import follows, is_height, non_conditions, own_name, ranges_of, stem
 from taichi_erosion.tables.spreadsheet import Cells, are_kinds
 
-Ask = Callable[[str, str], str]  # (question, guess) -> answer
-AGREED = "yYjJoOsS"  # first letters of yes, ja, oui, si
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
@@ -67,30 +68,6 @@ BY_SET_UP = "; it changes with the set-up alone: what it does may count as level
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
-
-
-@dataclass
-class Interview:
-    """Questions that were asked, and what was assumed where a guess was taken."""
-
-    ask: Ask = lambda _, guess: guess
-    assumptions: list[str] = field(default_factory=list)
-
-    def choice(self, question: str, guess: str, meaning: str) -> str:
-        """Answer to a question; an accepted guess is recorded with its meaning."""
-        answer = self.ask(question, guess).strip() or guess
-        if answer == guess and meaning:
-            self.assume(meaning)
-        return answer
-
-    def ask_yes_or_no(self, question: str, meaning: str) -> bool:
-        """Whether the user says yes; the guess is yes."""
-        return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
-
-    def assume(self, meaning: str) -> None:
-        """Record what was assumed without a question."""
-        if meaning not in self.assumptions:
-            self.assumptions.append(meaning)
 
 
 @dataclass(frozen=True)
@@ -192,9 +169,8 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
         return wind_to_friction_velocity(column, reading, measured)
     if column.role == "spread":
         question = f"Column '{text}': " + ", ".join(f"{key} = {words}" for key, words in SPREADS.items())
-        answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}")
-        if answer not in SPREADS:
-            raise BadInput(f"column '{text}': '{answer}' is not one of {', '.join(SPREADS)}")
+        check = partial(refuse_other, what=f"column '{text}'", allowed=SPREADS)
+        answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}", check)
         return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), firm=True)
     return ask_unknown_column(column, reading)
 
@@ -205,41 +181,42 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
     hint = f" {changed}." if column.changed else f" '{column.near}' is near its heading." * bool(column.near)
     unread = reading.options.reads is not None  # as a condition of its own, unless its cells speak against it
-    choice = f"{OWN} = a condition of your own" if unread else f"--condition '{column.heading.name}=UNIT'"
+    choice = OWN if unread else f"--condition '{column.heading.name}=UNIT'"
     question = (
         f"Column '{text}' is not known.{hint} Type the name of a measured quantity (repose_angle, flux, "
-        f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
-        f"(a condition of your own: {choice})"
+        f"...), a place of the scene (conditions.moisture, ...), {NOT_USED} for a column that is not used, "
+        f"{choice} for a condition of your own"
     )
-    if column.near:
-        answer = reading.interview.choice(question, "", "")
-        if not answer:
-            option = "condition" if "." in column.near else "observable"
-            advice = f"say --{option} '{stem(column.heading.name)}={column.near}'"
-            if not reading.options.measures:  # a study says itself what there is
-                choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
-                advice = f"head it '{choice}', or name it in [columns] of the study"
-            why = f"did you mean {column.near}?"
-            if column.changed:
-                remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
-                why = f"{changed}: {remedy}; if it is that,"
-            return reading.fault(column, f"{why} {advice}; {UNUSED}")
-    else:
-        meaning = "" if unread else f"column '{text}' is not used: its heading says nothing known"
-        answer = reading.interview.choice(question, OWN if unread else NOT_USED, meaning)
-    if unread and answer == OWN:
-        return replace(column, role="condition", unread=True, firm=True)
-    return set_column_meaning(column, answer)
+    guess = "" if column.near else OWN if unread else NOT_USED
+    meaning = f"column '{text}' is not used: its heading says nothing known" * (guess == NOT_USED)
+    read = partial(column_as_answered, column, reading)
+    if answer := reading.interview.choice(question, guess, meaning, read):
+        return read(answer)
+    option = "condition" if "." in column.near else "observable"
+    advice = f"say --{option} '{stem(column.heading.name)}={column.near}'"
+    if not reading.options.measures:  # a study says itself what there is
+        choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
+        advice = f"head it '{choice}', or name it in [columns] of the study"
+    why = f"did you mean {column.near}?"
+    if column.changed:
+        remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
+        why = f"{changed}: {remedy}; if it is that,"
+    return reading.fault(column, f"{why} {advice}; {UNUSED}")
 
 
-def set_column_meaning(column: Column, answer: str) -> Column:
-    """A column as the user calls it."""
+def column_as_answered(column: Column, reading: Reading, answer: str) -> Column:
+    """A column as the user calls it. Raises BadInput for what no scene measures or has."""
     if answer == NOT_USED:
         return replace(column, firm=True)
+    if answer == OWN and reading.options.reads is not None:
+        return replace(column, role="condition", unread=True, firm=True)
     role, name = ("condition", answer) if "." in answer else meaning_of(answer)
     if role not in ("observable", "condition"):
         role, name = "observable", answer
-    return replace(column, role=role, name=name, title=condition_name_of_path(name), firm=True)
+    column = replace(column, role=role, name=name, title=condition_name_of_path(name), firm=True)
+    if wrong := column_meaning_fault(column, {}, reading.options):
+        raise BadInput(f"column '{column.heading.text}': {wrong}")
+    return column
 
 
 def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) -> Column:
@@ -250,7 +227,8 @@ def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) 
         f"with its unit (flat sand: grain diameter / 30, such as '0.008 mm'), for u* = 0.4 U / ln(z / z0); "
         f"{NOT_USED}: the column is not used"
     )
-    answer = reading.options.roughness or ("" if bed else reading.interview.choice(question, "", ""))
+    check = partial(parse_roughness_length, height=height)
+    answer = reading.options.roughness or ("" if bed else reading.interview.choice(question, "", "", check))
     if not answer and bed is None:
         return reading.fault(
             column,

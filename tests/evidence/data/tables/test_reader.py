@@ -9,7 +9,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, read_laboratory_table, table_options
-from taichi_erosion.evidence.data.tables.interview import Interview
+from taichi_erosion.evidence.data.tables.column_roles import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.tables.headings import meaning_of, read_heading
@@ -206,6 +206,8 @@ def test_columns_are_what_the_user_answers(tmp_path):
     assert [len(read(tmp_path, text, ask=told(answer)).rows) for answer in ("y", "ja")] == [4, 4]
     with pytest.raises(BadInput, match="means repose_angle, as column"):
         read(tmp_path, text, ask=told("n"))
+    with pytest.raises(BadInput, match="no scene measures 'Quark'; known: repose_angle"):
+        read(tmp_path, text, ask=lambda words, _: "Quark" * ("used, --condition 'W1=UNIT' for" in words))
 
 
 @pytest.mark.parametrize(
