@@ -27,9 +27,12 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     pick_rows,
 )
+from taichi_erosion.evidence.data.table_units import Scale
 from taichi_erosion.evidence.data.tables.rows import row_sources
 from taichi_erosion.evidence.data.transforms import slope, to_scale
+from taichi_erosion.tables.number_columns import common_last_digit_size
 
+NEGLIGIBLE = 0.1  # variance over that of a row, below which a rounding is left out
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
 ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
 
@@ -155,6 +158,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
+    rounding = rounding_columns(observable.name, table, steep, variance)
     return ComparisonRows(
         observables,
         which=np.full(first.size, index),
@@ -162,7 +166,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         variance=variance,
         censored=first_rows.censored,
         reach=reach[first],
-        shared=shared_error_columns(observable, shared, first_rows.conditions),
+        shared=np.hstack([shared_error_columns(observable, shared, first_rows.conditions), rounding]),
         conditions=first_rows.conditions,
         group=first_rows.group,
         source=first_rows.source,
@@ -188,6 +192,14 @@ def shared_error_columns(observable: Observable, size: Floats, conditions: Condi
     values = np.unique(column[np.isfinite(column)])
     each = 0.5 * (column[:, np.newaxis] == values[: values.size * (values.size > 1)])
     return size[:, np.newaxis] * np.hstack([np.ones((size.size, 1)), each])
+
+
+def rounding_columns(observable: str, table: Measurements, steep: Floats, variance: Floats) -> Floats:
+    """Columns (n, n) of the rounding of each row: no row scatters less, however equal rounded values are."""
+    factor = table.table_units.values.get(observable, Scale()).factor
+    digit = factor * common_last_digit_size(table.value[~table.censored] / factor)
+    size = digit / 12.0**0.5 * np.abs(steep)
+    return np.diag(np.where(size**2 > NEGLIGIBLE * variance, size, 0.0))
 
 
 def heap_keys(table: Measurements) -> list[str]:
@@ -259,8 +271,6 @@ def weighted_means_by_key(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[
 
 def condition_cells(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's set of conditions; equal for repeated rows."""
-    if table.size == 0:
-        return np.zeros(0)
     columns = [np.nan_to_num(column, nan=-1.2345e300) for column in table.conditions.values()]
     stacked = np.column_stack(columns) if columns else np.zeros((table.size, 1))
     return np.unique(stacked, axis=0, return_inverse=True)[1].ravel().astype(float)
@@ -268,19 +278,12 @@ def condition_cells(table: Measurements | ComparisonRows) -> Floats:
 
 def notes_on_missing_numbers(observable: Observable, table: Measurements, usable: Bools) -> list[str]:
     """Sentences about rows without a finite value, sd or n."""
-    notes = []
-    lost = int(np.sum(~usable))
-    if lost:
-        notes.append(
-            f"{observable.name}: {lost} rows have no finite value on the {observable.transform} scale"
-        )
-    missing = int(np.sum(~np.isfinite(table.sd) & ~table.censored))
-    uncounted = int(np.sum(~(table.n >= 1.0)))
-    if missing:
-        notes.append(f"{observable.name}: {missing} of {table.size} rows have no sd")
-    if uncounted:
-        notes.append(f"{observable.name}: {uncounted} of {table.size} rows have no n, taken as 1")
-    return notes
+    rows_by_fault = {
+        f"rows have no finite value on the {observable.transform} scale": ~usable,
+        f"of {table.size} rows have no sd": ~np.isfinite(table.sd) & ~table.censored,
+        f"of {table.size} rows have no n, taken as 1": ~(table.n >= 1.0),
+    }
+    return [f"{observable.name}: {rows.sum()} {fault}" for fault, rows in rows_by_fault.items() if rows.any()]
 
 
 def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:

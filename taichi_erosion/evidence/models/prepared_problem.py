@@ -109,10 +109,6 @@ class PreparedProblem:
         values, vectors = np.linalg.eigh(self.error_correlation_of_rows)
         return Whitening(self.row_sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
-    @cached_property
-    def has_seed_noise(self) -> bool:
-        return bool(np.any(self.seed_variance > 0.0))
-
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)

@@ -65,7 +65,7 @@ class RaceModel:
         names = {each.name for each in p.problem.mechanisms} - self.candidates.keys()
         wider = (*p.predictor.candidates, *(Candidate(name) for name in sorted(names)))
         self.predictor: Predictor = replace(p.predictor, candidates=wider)
-        self.noisy = p.has_seed_noise
+        self.noisy = bool(np.any(p.seed_variance > 0.0))
         # an emulator knows nothing beyond the strengths of its list
         self.reach = REACH if p.problem.uncertainty is None else 1.0
         if self.noisy:

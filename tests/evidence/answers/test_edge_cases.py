@@ -142,8 +142,14 @@ def test_rows_that_are_pasted_twice_tell_no_scatter(study):
     table = table_text({}, 1, repeats=1).replace("value,n", "value,sd,n").replace(",1,deg", ",0.5,1,deg")
     table = table.replace(",1,m/s", ",0.006,1,m/s")
     found = ask("compare", study(table + table.partition("\n")[2])).record
-    assert found.p_misfit > 0.05
-    assert all(np.isnan(each.factor) for each in found.scatter)
+    assert (found.p_misfit > 0.05, *(np.isnan(each.factor) for each in found.scatter)) == (True,) * 3
+
+
+def test_values_that_rounding_makes_equal_show_no_law(study):
+    at = [(w, d) for d in (0.15, 0.25, 0.4, 0.6, 0.9) for w in (0.0, 0.005, 0.01, 0.02)]
+    rounded = (f"threshold_u_star,{0.41 * d**0.5:.1f},0.02,5,m/s,g{w}{d},{w},{d},x" for w, d in at)
+    text = study_text().replace("[observables.repose_angle]\n", "")
+    assert ask("discover", study(HEAD + "\n".join(rounded), text)).record.verdict in SILENT
 
 
 def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):
