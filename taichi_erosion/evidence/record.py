@@ -234,6 +234,7 @@ class HeldOutPart:
     opened: int
     adopted: tuple[str, ...] = ()  # effects that are tested
     wrong_effect: str = ""  # the random one
+    alike: Mapping[str, float] = field(default_factory=dict)  # conditions that vary in fitted rows alone
 
     @computed_field
     @property
@@ -380,6 +381,7 @@ class CheckPart:
     n: int
     inside: int
     p: Number  # chance of as few inside where the intervals are right; NaN without rows
+    limits: int = 0  # rows more that are no value
 
 
 @dataclass(frozen=True)

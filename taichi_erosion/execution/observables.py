@@ -318,7 +318,8 @@ def measure(name: str, state: MeasureInput) -> Measurement:
         return no_measurement(name, measurement.unit, reason)
     lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
     if state.window and name in OF_TRANSPORT:
-        measurement = replace(measurement, details=measurement.details | state.window.window_details)
+        window = {"window_start": state.window.start, "stress_over_wind": state.window.balance}
+        measurement = replace(measurement, details=measurement.details | window)
         lacking += state.window.lacking
     if state.fallen_grains_text and name in OF_HEAP:
         notes = (*measurement.notes, state.fallen_grains_text)

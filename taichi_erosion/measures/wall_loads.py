@@ -58,11 +58,6 @@ class Strength:
         """Part of a series in the window of the largest ratio."""
         return series[self.peak : self.peak + self.width]
 
-    @property
-    def peak_shear_over_normal_force(self) -> float:
-        """Largest running mean of force across over force along the normal [1]."""
-        return float(self.at_peak_of(self.across).mean() / self.at_peak_of(self.normal).mean())
-
 
 def shear_strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
     """Strength in a plane that is sheared, of the force on all on its one side, or what it lacks."""
@@ -92,8 +87,8 @@ def peak_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
     name = "friction_angle"
     if isinstance(peak := shear_strength(loads, axis), str):
         return no_measurement(name, "deg", peak)
-    ratio, load = peak.peak_shear_over_normal_force, float(peak.at_peak_of(peak.normal).mean())
-    window = peak.at_peak_of(peak.across) / load
+    across, load = peak.at_peak_of(peak.across), float(peak.at_peak_of(peak.normal).mean())
+    window, ratio = across / load, float(across.mean()) / load
     error = float(np.std(window, ddof=1)) / sqrt(peak.width) / (1.0 + ratio**2) if peak.width > 1 else nan
     details = {"peak": ratio, "normal_force": load}
     return Measurement(name, degrees(atan(ratio)), degrees(error), "deg", details=details)

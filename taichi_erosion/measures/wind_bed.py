@@ -44,11 +44,6 @@ class Window:
     balance: float  # stress of air and grains over that of the wind, mean over the window [1]
     lacking: tuple[Shortfall, ...] = ()  # where transport never became steady
 
-    @property
-    def window_details(self) -> dict[str, float]:
-        """As details of a measurement."""
-        return {"window_start": self.start, "stress_over_wind": self.balance}
-
 
 @dataclass(frozen=True)
 class Patch:

@@ -215,6 +215,5 @@ def coverage(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
     shares = below[counted & np.isfinite(below)]
     inside = int(np.sum(np.abs(shares - 0.5) <= 0.5 * SHARE))
-    return CheckPart(
-        shares.size, inside, float(special.bdtr(inside, shares.size, SHARE)) if shares.size else nan
-    )
+    p = float(special.bdtr(inside, shares.size, SHARE)) if shares.size else nan
+    return CheckPart(shares.size, inside, p, int(np.sum(~counted)))

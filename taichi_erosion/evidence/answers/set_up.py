@@ -9,13 +9,20 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_cells
-from taichi_erosion.evidence.data.held_out_rows import SPARE
+from taichi_erosion.evidence.data.held_out_rows import SPARE, point_count
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
 from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.load_study import Study, first_study_of_adoptions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_mistake_text
+from taichi_erosion.evidence.words.part_words import (
+    FAULTS,
+    HIDDEN,
+    UNKNOWN_SCATTER,
+    row_list,
+    unit_mistake_text,
+)
+from taichi_erosion.evidence.words.vocabulary import join_words, quantity
 from taichi_erosion.execution.observables import why_heap_is_too_small
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.number_words import plain
@@ -102,15 +109,12 @@ def disagreement_faults(problem: Problem) -> Iterator[SetUpFault]:
 
 
 def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
-    """Fewer rows under different conditions than tell apart what may act; a soil has numbers of its own."""
-    table, calibrated = problem.visible_rows(), len(problem.parameters) + len(problem.adopted)
-    sets = {*zip(table.observable, table.group, condition_cells(table), strict=True)}
-    groups = [group for group, _ in {each[1:] for each in sets}]
-    soils = {group for group in groups if groups.count(group) > 1}
-    points = min(len({(name, cell) for name, _, cell in sets}), len(sets) - max(len(soils) - 1, 0))
-    if not (problem.candidates or points > 1) or points >= calibrated + SPARE:
-        return
-    hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
-    numbers = "1 number is" if calibrated == 1 else f"{calibrated} numbers are"
-    words = FAULTS["too_few_rows"].format(points, hidden, numbers, calibrated + SPARE)
-    yield SetUpFault("too_few_rows", "table", words, True)
+    """Fewer rows under different conditions than tell apart what may act."""
+    table, hidden = problem.visible_rows(), len(problem.vault.rows)
+    points = point_count(table, condition_cells(table), np.ones(table.size, dtype=np.bool_))
+    numbers = (*(each.path for each in problem.parameters), *(each.name for each in problem.adopted))
+    if (problem.candidates or points > 1) and points < len(numbers) + SPARE:
+        names = join_words(quantity(each.rpartition(".")[2]) for each in numbers) or "nothing"
+        words = FAULTS["too_few_rows"].format(points, len(numbers) + SPARE, names)
+        words += HIDDEN.format(hidden) * bool(hidden)
+        yield SetUpFault("too_few_rows", "table", words, True)

@@ -112,16 +112,15 @@ def draw_vault_units(
 ) -> set[Unit]:
     """Units for the vault, in an order: of every observable its fraction, as nearly as whole units allow.
 
-    `units` are of all rows: those are `free` that no range or source holds out, `kept` those that an earlier
-    version of the table held out.
+    `units` are of all rows: those are `free` that no range or source holds out, `visible` those that an
+    earlier version of the table held out.
 
     A unit stays visible without which a condition would no longer vary among the visible rows, or from 0:
     only dry heaps separate the effect of water from effects that always act. So does one without which three
     levels of a condition would be one under either of two others, such as water on grains of two sizes; or
     where fewer than `least` sets of conditions would.
     """
-    kind = np.unique(np.array(measurements.observable), return_inverse=True)[1]
-    points = condition_cells(measurements) + kind * measurements.size
+    cells = condition_cells(measurements)
     observables_of: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(free).tolist():
         observables_of.setdefault(units[i], set()).add(measurements.observable[i])
@@ -134,7 +133,8 @@ def draw_vault_units(
     vault_units: set[Unit] = set()
     for unit in (each for each in order if each in observables_of):
         without = remaining & (unit_of_row != numbers[unit])
-        enough = np.unique(points[without]).size >= least and varying(measurements, without) == before
+        enough = point_count(measurements, cells, without) >= least
+        enough = enough and varying(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
         if identified and all(quota[name] > 0 for name in observables_of[unit]):
             vault_units.add(unit)
@@ -142,6 +142,15 @@ def draw_vault_units(
             for name in observables_of[unit]:
                 quota[name] -= 1
     return vault_units
+
+
+def point_count(measurements: Measurements, cells: Floats, rows: Bools) -> int:
+    """Rows under different conditions; one less for each soil but the first, which has numbers of its own."""
+    chosen = np.flatnonzero(rows).tolist()
+    sets = {(measurements.observable[i], measurements.group[i], cells[i]) for i in chosen}
+    of_group = Counter(group for group, _ in {each[1:] for each in sets})
+    soils = sum(count > 1 for count in of_group.values())
+    return min(len({(name, cell) for name, _, cell in sets}), len(sets) - max(soils - 1, 0))
 
 
 def condition_columns_of(

@@ -122,16 +122,15 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     measurements, notes = study_measurements(table, file, str(path), condition_units(file, path, files))
     if impossible := list(impossible_study_values(table, file, path.parent)):
         raise BadInput(*impossible)
-    vault = file.vault
-    least = len(file.parameters) + len(file.adopted) + SPARE
-    chosen = vault.fraction, vault.ranges, vault.drawn_from, vault.sources, least
-    hidden, vault_note = split_rows(measurements, *chosen)
     results, digest = results_folder(path, file), table_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
         parts = load_function_model(path, file, store, files)
     else:
         parts = load_scene_model(path, file, results, measurements, files)
+    vault, least = file.vault, len((*file.parameters, *parts.parameters, *parts.adopted)) + SPARE
+    chosen = vault.fraction, vault.ranges, vault.drawn_from, vault.sources, least
+    hidden, vault_note = split_rows(measurements, *chosen)
     parameters = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}

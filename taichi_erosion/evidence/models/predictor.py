@@ -58,14 +58,9 @@ class Predictor:
         """Every observable that has rows, these rows, and their conditions."""
         return tuple(
             (observable, rows, {name: column[rows] for name, column in self.conditions.items()})
-            for observable, rows in zip(self.observables, self.rows_by_observable, strict=True)
-            if rows.size
+            for index, observable in enumerate(self.observables)
+            if (rows := np.flatnonzero(self.which == index)).size
         )
-
-    @cached_property
-    def rows_by_observable(self) -> tuple[Integers, ...]:
-        """Rows of every observable."""
-        return tuple(np.flatnonzero(self.which == index) for index in range(len(self.observables)))
 
     def predict_on_scale(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""

@@ -337,7 +337,9 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     p_worse = p_value_of_misfit_change(place, outlooks[0], outlooks[1], exact)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     errors = (int(good.sum()), before, after, control)
-    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name)
+    pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
+    alike = {key: float(x[0]) for key, (x, others) in pairs.items() if np.ptp(x) == 0.0 < np.ptp(others)}
+    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike)
 
 
 def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools) -> float:

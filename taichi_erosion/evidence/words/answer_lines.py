@@ -162,7 +162,8 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
         return trim(Answer((words,), (), (), None), record)
     first, numbers, last = adoption_lines(record, vault, voc)
     following = (f"{first_step(record, 'adopt', voc, *vault.adopted) or last}.",)
-    return trim(Answer((first,), (control(vault), numbers), following, error_table(record, vault)), record)
+    holds = control(vault, voc), numbers
+    return trim(Answer((first,), holds, following, error_table(record, vault)), record)
 
 
 def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
@@ -193,14 +194,16 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     return first, numbers(record, before=False, without=names), last
 
 
-def control(vault: HeldOutPart) -> str:
-    """What a random other effect does, and how unseen the rows are."""
+def control(vault: HeldOutPart, voc: say.Vocabulary) -> str:
+    """What a random other effect does, and how varied and unseen the rows are."""
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
     size = f"{plain(wrong, 2)} per row"
     words = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {size}{end}."
-    openings = f"The held-out rows have been opened {vault.opened} times: they are no longer unseen."
-    return " ".join([*([] if isnan(wrong) else [words]), *([openings] if vault.opened > 1 else [])])
+    words = "No control: the study has no other candidate." if isnan(wrong) else words
+    openings = f" The held-out rows have been opened {vault.opened} times: they are no longer unseen."
+    alike = f" All held-out rows have {voc.units.conditions_text(vault.alike)}: no other value is tested."
+    return words + alike * bool(vault.alike) + openings * (vault.opened > 1)
 
 
 def error_table(record: Record, vault: HeldOutPart) -> Table:
@@ -295,7 +298,8 @@ def coverage_line(rows: str, check: CheckPart) -> str:
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
     few = f": the intervals are too narrow ({say.chance(check.p)})" * (check.p < ADEQUATE)
-    return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}."
+    limits = f" {count_noun(check.limits, 'row')} with a limit cannot be checked." * bool(check.limits)
+    return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}.{limits}"
 
 
 def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | None:

@@ -22,9 +22,10 @@ FAULTS = {  # of a set-up
     "scatter": "{}: repeats scatter {} times as much as is stated: "
     "a condition that the table lacks, or an sd stated too small",
     "repeats": "{}: repeats in {} differ by {}: check {}",
-    "too_few_rows": "too few rows to tell effects apart: {} under different conditions{}, "
-    "where {} calibrated; at least {} are needed",
+    "too_few_rows": "too few rows to tell effects apart: {} under different conditions; at least {} are "
+    "needed to calibrate {} and to test an effect",
 }
+HIDDEN = "; {} more are held out, with fraction = 0 and no ranges or sources under [vault] of the study none"
 UNKNOWN_SCATTER = (
     "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or say --sd 'NAME=8 %'"
 )

@@ -111,15 +111,15 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count,
 
 def test_what_is_left_of_a_prior_counts_on_its_own_scale(study):
     far = study_text().replace("start = 0.1\nlow = 0.05", "start = 0.02\nlow = 0.005", 1)
-    number = ask("compare", study(rows(6).replace(",0.004,", ",0.5,"), far)).record.parameters
-    assert number["threshold_coefficient"].prior_share <= 1.0
+    found = ask("compare", study(rows(6).replace(",0.004,", ",0.5,"), far)).record
+    assert found.parameters["threshold_coefficient"].prior_share <= 1.0
 
 
 def test_too_few_rows_name_nothing_and_say_why(study):
     path = study(rows(1))
     found = ask("discover", path)
     assert (found.record.verdict, found.record.effects) == ("not_testable", {})
-    assert found.about["set_up"][0].startswith("error: too few rows to tell effects apart")
+    assert "6 are needed to calibrate threshold coefficient, sliding fr" in found.about["set_up"][0]
     assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
     assert ask("compare", path).answer().lines[-1].startswith("Fix the errors above and run")
     assert "before the errors above are fixed" in ask("next", path).answer().lines[0]

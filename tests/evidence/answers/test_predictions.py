@@ -16,6 +16,7 @@ from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out, outlook, rows_at
 from taichi_erosion.evidence.race.posterior import infer
+from taichi_erosion.evidence.words.answer_lines import coverage_line
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import study_text, write_study
 
@@ -43,6 +44,8 @@ def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     assert far.high - far.low > near.high - near.low
     assert near.measured_high - near.measured_low > near.high - near.low
     assert found.lost == ("z",), "an observable without a fitted row"
+    words = coverage_line("rows", replace(found.fitted, limits=2))
+    assert words.endswith(" 2 rows with a limit cannot be checked.")
     assert found.fitted.inside / found.fitted.n == pytest.approx(0.9, abs=3.0 * (0.9 * 0.1 / 24) ** 0.5)
 
 

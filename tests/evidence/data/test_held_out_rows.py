@@ -38,6 +38,8 @@ def test_of_every_observable_the_fraction_is_held_out_in_whole_groups():
 @pytest.mark.parametrize(("least", "hidden"), [(0, 4), (12, 4), (14, 2), (16, 0), (99, 0)])
 def test_enough_conditions_stay_visible_to_tell_effects_apart(least, hidden):
     assert split_rows(measurements(8), 0.3, {}, least=least)[0].size == hidden
+    soils = replace(measurements(8), group=("loess", "sand") * 8)  # of which one has numbers of its own
+    assert split_rows(soils, 0.3, {}, least=max(least, 1) - 1)[0].size == hidden
 
 
 @pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))

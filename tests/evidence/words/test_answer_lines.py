@@ -198,6 +198,9 @@ def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
     assert "adopt lab.toml" not in answer.lines[-1]
     assert acting_rows(answer) == set()
     assert after_adoption(pair, ADOPTIONS["refuted"]) == pair, "of other names nothing is known"
+    alone = replace(adopted.vault, chi2_per_row_wrong_effect=nan, alike={"moisture": 0.05})
+    lacks = adopt_answer(replace(adopted, vault=alone), VOC).lines[1]
+    assert "no other candidate. All held-out rows have moisture = 5 %: no other value is tested." in lacks
 
 
 @pytest.mark.parametrize("name", ["adopted", "still_fails", "fitted_fails"])

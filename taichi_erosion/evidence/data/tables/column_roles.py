@@ -269,10 +269,7 @@ class Interview:
     at_terminal: bool = False  # a person is there, who is asked again
 
     def choice(self, question: str, guess: str, meaning: str, check: Check = str, why: str = "") -> str:
-        """Answer to a question, asked again at a terminal where `check` raises BadInput.
-
-        An accepted guess is recorded with its meaning.
-        """
+        """Answer; a guess is recorded with its meaning, what `check` refuses is asked again at a terminal."""
         answer = self.ask(why + question, guess).strip() or guess
         if answer == guess:
             self.assume(meaning)
