@@ -15,13 +15,7 @@ from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.load_study import Study, first_study_of_adoptions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.words.part_words import (
-    FAULTS,
-    HIDDEN,
-    UNKNOWN_SCATTER,
-    row_list,
-    unit_mistake_text,
-)
+from taichi_erosion.evidence.words.part_words import FAULTS, row_list, unit_mistake_text
 from taichi_erosion.evidence.words.vocabulary import join_words, quantity
 from taichi_erosion.execution.observables import why_heap_is_too_small
 from taichi_erosion.scene.schema.units import conversion, parse_unit
@@ -53,7 +47,7 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
 def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
     if not comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
-        raise BadInput(f"{study.file.study.measurements}: {UNKNOWN_SCATTER}")
+        raise BadInput(f"{study.file.study.measurements}: {FAULTS['unknown_scatter']}")
 
 
 def refuse_blocked(study: Study, needs_rows: bool) -> None:
@@ -116,5 +110,5 @@ def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
     if (problem.candidates or points > 1) and points < len(numbers) + SPARE:
         names = join_words(quantity(each.rpartition(".")[2]) for each in numbers) or "nothing"
         words = FAULTS["too_few_rows"].format(points, len(numbers) + SPARE, names)
-        words += HIDDEN.format(hidden) * bool(hidden)
+        words += FAULTS["held_out"].format(hidden) * bool(hidden)
         yield SetUpFault("too_few_rows", "table", words, True)

@@ -320,9 +320,11 @@ def process_pair_correlations(
     """Most probable correlations of all parts and of the scatter of two processes, from runs of both."""
     runs = Points(*(each[first] for each in vars(one.training).values()))
     parts = kernel_matrices(runs, runs, one.reads)
-    white, values = zip(
-        *(whiten_values(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
-    )
+    white, values = list[Floats](), list[Floats]()
+    for process, at in ((one, first), (other, second)):
+        root = linalg.cholesky(training_covariance(parts, process.amplitude), lower=True)
+        white.append(np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64))
+        values.append(white[-1] @ (process.factor @ (process.factor.T @ process.weights))[at])
     amplitude = part_amplitudes(one) * part_amplitudes(other)
     scatter = one.amplitude[-1] * other.amplitude[-1] * np.eye(first.size)
     shared = np.array([whitened_cross(white, a * part) for a, part in zip(amplitude, parts, strict=True)])
@@ -346,13 +348,6 @@ def process_pair_correlations(
     start = np.zeros(shared.shape[0])
     matrix = scipy.optimize.minimize(pair_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
     return np.tanh(matrix.x)
-
-
-def whiten_values(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
-    """Inverse root of the covariance of some training values of a process, and these values over it."""
-    root = linalg.cholesky(training_covariance(parts, process.amplitude), lower=True)
-    inverse: Floats = np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64)
-    return inverse, inverse @ (process.factor @ (process.factor.T @ process.weights))[at]
 
 
 def whitened_cross(white: Sequence[Floats], covariance: Floats) -> Floats:

@@ -86,7 +86,10 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
             f"{study.path}: a budget of {most} runs is too small; the study needs at least {planned}: "
             "raise it, or list fewer candidates"
         )
-    start = replace(training, plan_size=limit_plan_size(design.PLAN_SIZES[budget], size))
+    usual = design.PLAN_SIZES[budget]
+    numbers = {name: min(getattr(usual, name), getattr(size, name)) for name in SPREAD}
+    rounds = usual.rounds if all(getattr(usual, name) == n for name, n in numbers.items()) else 0
+    start = replace(training, plan_size=replace(usual, **numbers, rounds=rounds))
     runs = design_training_runs(start, effects)
     return replace(start, runs=tuple(runs), other_runs=planned - len(runs))
 
@@ -105,13 +108,6 @@ def shrink_plan(most: int, training: TrainingRuns, effects: Iterable[str]) -> tu
         rounds=0,
     )
     return size, len(design_training_runs(replace(training, plan_size=size), effects))
-
-
-def limit_plan_size(size: PlanSize, limit: PlanSize) -> PlanSize:
-    """The plan with no number above those of a limit; without rounds where it has less than it wants."""
-    numbers = {name: min(getattr(size, name), getattr(limit, name)) for name in SPREAD}
-    whole = all(getattr(size, name) == number for name, number in numbers.items())
-    return replace(size, **numbers, rounds=size.rounds if whole else 0)
 
 
 def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:

@@ -226,7 +226,11 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        words = f"No measurement in the present ranges separates the explanations.{wider_ranges(record, voc)}"
+        ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
+        ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
+        words = "No measurement in the present ranges separates the explanations."
+        if ranges:
+            words += f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}."
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim(Answer((words,), (), (), None), record)
@@ -239,13 +243,6 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     rows = tuple(experiment_table_row(each, leading, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
     return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
-
-
-def wider_ranges(record: Record, voc: say.Vocabulary) -> str:
-    """How to ask for measurements elsewhere: twice as far along every condition that varies."""
-    ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
-    ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
-    return f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}." * bool(ranges)
 
 
 def short(key: str) -> str:

@@ -24,11 +24,10 @@ FAULTS = {  # of a set-up
     "repeats": "{}: repeats in {} differ by {}: check {}",
     "too_few_rows": "too few rows to tell effects apart: {} under different conditions; at least {} are "
     "needed to calibrate {} and to test an effect",
+    "held_out": "; {} more are held out (none with fraction = 0, no ranges and no sources under [vault])",
+    "unknown_scatter": "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or "
+    "say --sd 'NAME=8 %'",
 }
-HIDDEN = "; {} more are held out, with fraction = 0 and no ranges or sources under [vault] of the study none"
-UNKNOWN_SCATTER = (
-    "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or say --sd 'NAME=8 %'"
-)
 PRIORS = {  # that are halved and doubled
     "nothing": "odds that nothing is missing",
     "unlisted": "odds of what is not in the list",
@@ -318,7 +317,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if share >= SURE:
         why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
     name = say.EXPLANATIONS.get(leading) or say.join_words(map(voc.effect_title, leading.split("+")))
-    name, why = (name, "") if leading == "none" else (f"{name} alone", why)
+    name, why = (name, "") if leading in ("none", "each_row") else (f"{name} alone", why)
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
     best = f"the likeliest, {name}, has probability {say.probability_text(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."

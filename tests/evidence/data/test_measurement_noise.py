@@ -78,8 +78,7 @@ def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
 @pytest.fixture(scope="module")
 def laboratory() -> tuple[Problem, int]:
     """A study with repeats of the angle of repose, and a visible row that repeats an earlier one."""
-    problem = FAMILIES["clean"](4242, 1).problem
-    table = problem.measurements
+    table = (problem := FAMILIES["clean"](4242, 1).problem).measurements
     settings = pd.DataFrame({"observable": table.observable, **table.conditions})
     again = settings.duplicated() & (settings["observable"] == "repose_angle")
     return problem, int(np.setdiff1d(np.flatnonzero(again), problem.vault.rows)[-1])
