@@ -29,9 +29,8 @@ SHIFTS = ("signatures.csv", "beds.csv")
 SHIFT = ("observable", "bare", "shift", "standard_error", "unit", "scene", "label", "strength", "n")
 ANSWER = ("quantity", "bare", "value", "axis", "place", "n", "scene")
 LIST_NOTES = {  # whether mechanisms are listed -> what is said below the list
-    False: "A scene switches one of the first list on by [effects.NAME] strength = 1.0. A study "
-    "of `study new --closed-form` names those of the second under [candidates] effects. `effects NAME` "
-    "describes one.",
+    False: "A scene switches one of the first list on by [effects.NAME] strength = 1.0. A study of `study "
+    "new --closed-form` names those of the second under [candidates] effects. `effects NAME` describes one.",
     True: "`effects NAME --mechanisms` describes one; `discover` tries them where no effect suffices.",
 }
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced"

@@ -198,9 +198,8 @@ def control(vault: HeldOutPart, voc: say.Vocabulary) -> str:
     """What a random other effect does, and how varied and unseen the rows are."""
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
-    size = f"{plain(wrong, 2)} per row"
-    words = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {size}{end}."
-    words = "No control: the study has no other candidate." if isnan(wrong) else words
+    drawn = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {plain(wrong, 2)} per row"
+    words = "No control: the study has no other candidate." if isnan(wrong) else f"{drawn}{end}."
     openings = f" The held-out rows have been opened {vault.opened} times: they are no longer unseen."
     alike = f" All held-out rows have {voc.units.conditions_text(vault.alike)}: no other value is tested."
     return words + alike * bool(vault.alike) + openings * (vault.opened > 1)
