@@ -29,7 +29,6 @@ from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
-EACH_ROW = "each row"  # an error of its own, along no condition, larger than its scatter can be
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
 
@@ -49,12 +48,12 @@ def unlisted_blocks(
 ) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
-    One key for each: something acts along one condition, or along all; or each row has an error of its own.
+    Something that is not in the list acts along one condition, or along all of them: one key for each.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
     axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
     blocks_along = {}
-    for along in ("", *(axes if len(axes) > 1 else ()), EACH_ROW):
+    for along in ("", *(axes if len(axes) > 1 else ())):
         blocks_along[along] = [
             replace(
                 block,
@@ -142,8 +141,8 @@ def smooth_columns(
 ) -> Floats:
     """Columns F (n, q) of a smooth function along one condition, or all: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
-    fitted, kernel = mask[at], np.eye(at.size) if along == EACH_ROW else np.ones((at.size, at.size))
-    for name in () if along == EACH_ROW else [along] if along else rows.conditions:
+    fitted, kernel = mask[at], np.ones((at.size, at.size))
+    for name in [along] if along else rows.conditions:
         column = rows.conditions[name][at]
         axis = axis_scale_of(column[fitted])
         if axis is not None:

@@ -47,11 +47,6 @@ class Hypothesis:
     along: str = ""  # condition with which these act; of something unlisted empty: with all
 
     @property
-    def is_plain(self) -> bool:
-        """Whether it is a set of effects alone."""
-        return not self.extra and not self.along
-
-    @property
     def acting(self) -> frozenset[str]:
         """What acts: effects, mechanisms, something unlisted."""
         return frozenset((*self.names, *self.extra))
@@ -302,7 +297,7 @@ class Race:
 
     def effect_sets(self, *sizes: int) -> list[Fit]:
         """Plain sets of so many effects, by default of any number."""
-        return [f for h, f in self.fits.items() if h.is_plain and (not sizes or len(h.names) in sizes)]
+        return [f for h, f in self.fits.items() if not h.extra and (not sizes or len(h.names) in sizes)]
 
     def fit_bare_model(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.

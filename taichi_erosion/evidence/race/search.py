@@ -16,7 +16,6 @@ from math import comb, log
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.blocks import EACH_ROW
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
@@ -25,13 +24,14 @@ from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     """Prior of all hypotheses with as many effects, alone or beside the same kind of what no list holds.
 
-    It is a mechanism where the model declares some, or one step more unlikely; so is an error of each row.
+    What no list holds is a mechanism where the model declares some, or one step more unlikely.
     """
     size, others, step = len(hypothesis.names), hypothesis.extra, priors.step
-    if not hypothesis.is_plain:
-        share = (1.0 - step) * step ** (len(others) - 1) if others and OUTSIDE not in others else step
-        whole = OUTSIDE in others and not race.prepared.problem.mechanisms
-        return priors.unlisted * (1.0 - step) * step**size * (1.0 if whole else share)
+    if others:
+        share = step if OUTSIDE in others else (1.0 - step) * step ** (len(others) - 1)
+        return (
+            priors.unlisted * (1.0 - step) * step**size * (share if race.prepared.problem.mechanisms else 1)
+        )
     if not size:
         return priors.nothing
     whole = sum(step**k for k in range(1, min(MOST, len(race.model.candidates)) + 1))
@@ -41,8 +41,7 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
     alike = comb(len(race.model.candidates), len(hypothesis.names))
-    share = prior(race, hypothesis, race.priors) / alike
-    return log(share / (len(race.large) - 1 if hypothesis.extra else 1))
+    return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.extra else 1))
 
 
 def search_effect_sets(race: Race) -> None:
@@ -56,7 +55,7 @@ def search_effect_sets(race: Race) -> None:
     for size in range(1, min(MOST, len(effects))):
         grow_sets_by_one_effect(race, size, effects)
     prune_sets_of_effects(race)
-    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and fit.hypothesis.is_plain)
+    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
     best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [remove_name(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
@@ -80,14 +79,13 @@ def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 
 
 def add_unlisted_effect(race: Race, parent: Fit) -> None:
-    """A set beside what is not in the list, along all conditions and each, and beside errors of each row."""
+    """A set beside something that is not in the list, along all conditions and along each."""
     for along, blocks in race.large.items():
-        hypothesis = Hypothesis(parent.hypothesis.names, () if along == EACH_ROW else (OUTSIDE,), along)
+        hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
             price = log_prior(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
-            fit = race.fit_at_scales(start, 10, fresh=True)
-            race.store_fit(race.gauss_newton(fit, 2) if hypothesis.extra else fit)
+            race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), 2))
 
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -39,7 +39,6 @@ QUANTITIES = {  # observables, conditions and numbers that say little by their k
     "friction_rolling": "rolling friction",
 }
 EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
-EXPLANATIONS |= {"each_row": "a difference of each row, along no condition"}
 
 
 @dataclass(frozen=True)
