@@ -168,8 +168,8 @@ def is_computed_from_result(column: Floats, result: Floats) -> bool:
 
 
 def common_last_digit_size(values: Floats) -> float:
-    """Size of the last decimal digit with which numbers are written; 0 where it is beyond the eighth."""
-    units = (10.0**-k for k in range(-3, 9))
+    """Size of the last decimal digit with which numbers are written; 0 beyond the eighth and of zeros."""
+    units = (10.0**-k for k in range(-3, 9) if np.any(values))
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 

@@ -61,8 +61,7 @@ def test_a_marked_text_and_a_marked_picture_hold_what_they_held(study):
     path = study.with_name("out.png")
     path.write_bytes(files.mark_png(path, study, PNG))
     assert np.array_equal(imageio.imread(path), PICTURE)
-    marked = files.mark_toml(path, study, TEXT).decode()
-    assert files.remove_mark(marked) == files.remove_mark(TEXT) == TEXT
+    assert files.remove_mark(files.mark_toml(path, study, TEXT).decode()) == files.remove_mark(TEXT) == TEXT
 
 
 def test_tables_of_a_folder_are_known_by_its_list(tmp_path):

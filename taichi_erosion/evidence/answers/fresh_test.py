@@ -178,8 +178,8 @@ def fresh_test(
     kinds, requests = answer_and_rivals(race, decision), race.prepared.predictor.row_requests
     settings, part = [run_setting(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
     means = np.array([kind.fits[0].mean for kind in kinds])
-    apart = np.sum(np.abs(means - means[0]), axis=0) / race.prepared.row_sd  # the rivals from the answer
-    campaign = first = simulate(settings, requests, apart, progress)
+    distance = np.sum(np.abs(means - means[0]), axis=0) / race.prepared.row_sd  # of the rivals
+    campaign = first = simulate(settings, requests, distance, progress)
     if not campaign.runs:
         return FreshPart("not_made", kinds[0].acting, needed=len(campaign.keys)), frozenset()
     outcome_part, times = fresh_test_record(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)

@@ -34,7 +34,7 @@ from taichi_erosion.tables.number_columns import common_last_digit_size
 
 NEGLIGIBLE = 0.1  # variance over that of a row, below which a rounding is left out
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
-ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
+ROW_WISE += ("rounding", "condition_sd", "heaps", "lines")  # one entry a row, beside shared errors
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class ComparisonRows:
     variance: Floats  # of z: laboratory and numerical tolerance; NaN where the noise is unknown
     censored: Bools
     reach: Floats  # on that scale: 0; of censored values -inf below z, +inf above, h between z - h and z + h
+    rounding: Floats  # sd of z by the last digit of its value; 0 where it hardly counts
     shared: Floats  # (n, q): change of z per sd of each instrument's systematic error
     conditions: Conditions
     group: tuple[str, ...]
@@ -158,7 +159,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
-    rounding = rounding_columns(observable.name, table, steep, variance)
+    count = np.array([np.sum(keys == key) for key in keys[first]])
     return ComparisonRows(
         observables,
         which=np.full(first.size, index),
@@ -166,7 +167,8 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         variance=variance,
         censored=first_rows.censored,
         reach=reach[first],
-        shared=np.hstack([shared_error_columns(observable, shared, first_rows.conditions), rounding]),
+        rounding=rounding_errors(observable.name, table, steep / count**0.5, variance),
+        shared=shared_error_columns(observable, shared, first_rows.conditions),
         conditions=first_rows.conditions,
         group=first_rows.group,
         source=first_rows.source,
@@ -194,12 +196,12 @@ def shared_error_columns(observable: Observable, size: Floats, conditions: Condi
     return size[:, np.newaxis] * np.hstack([np.ones((size.size, 1)), each])
 
 
-def rounding_columns(observable: str, table: Measurements, steep: Floats, variance: Floats) -> Floats:
-    """Columns (n, n) of the rounding of each row: no row scatters less, however equal rounded values are."""
+def rounding_errors(observable: str, table: Measurements, steep: Floats, variance: Floats) -> Floats:
+    """Rounding (n,) of each row: no row scatters less, however equal rounded values are."""
     factor = table.table_units.values.get(observable, Scale()).factor
     digit = factor * common_last_digit_size(table.value[~table.censored] / factor)
     size = digit / 12.0**0.5 * np.abs(steep)
-    return np.diag(np.where(size**2 > NEGLIGIBLE * variance, size, 0.0))
+    return np.where(size**2 > NEGLIGIBLE * variance, size, 0.0)
 
 
 def heap_keys(table: Measurements) -> list[str]:

@@ -116,18 +116,15 @@ class PreparedProblem:
     def model_errors(
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
-        """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        predicted = self.predictor.error_factor(x, acting, doses, exact)
-        if self.condition_errors is None:
-            return predicted
-        parts = [np.zeros((self.predictor.which.size, 0))]
-        for name, sd in self.condition_errors.sd.items():
-            change = change_per_sd(self.predictor, name, sd, x, acting)
-            column = self.condition_errors.cell[:, np.newaxis] == np.unique(
-                self.condition_errors.cell[sd > 0.0]
-            )
-            parts.append(np.where(column, change[:, np.newaxis], 0.0))
-        return np.hstack([predicted, np.hstack(parts)])
+        """Columns (n, q) of one sd each: the model's errors, those of stated conditions, of rounding."""
+        parts = [self.predictor.error_factor(x, acting, doses, exact)]
+        if (errors := self.condition_errors) is not None:
+            for name, sd in errors.sd.items():
+                change = change_per_sd(self.predictor, name, sd, x, acting)
+                column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
+                parts.append(np.where(column, change[:, np.newaxis], 0.0))
+        rounding = np.diag(self.rows.rounding)
+        return np.hstack([*parts, rounding[:, self.rows.rounding > 0.0]])
 
     def observables_with_row_masks(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""

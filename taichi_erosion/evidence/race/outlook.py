@@ -80,6 +80,7 @@ def rows_at(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
         variance=variance[which],
         censored=np.zeros(m, dtype=np.bool_),
         reach=np.zeros(m),
+        rounding=np.zeros(m),
         conditions={name: wanted.conditions[name] for name in rows.conditions},
         condition_sd={name: np.full(m, np.nan) for name in rows.condition_sd},
         group=wanted.group or ("",) * m,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.race.priors import ADEQUATE
+from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.record import (
     CheckPart,
     ExperimentPart,
@@ -198,8 +198,8 @@ def control(vault: HeldOutPart, voc: say.Vocabulary) -> str:
     """What a random other effect does, and how varied and unseen the rows are."""
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
-    drawn = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {plain(wrong, 2)} per row"
-    words = "No control: the study has no other candidate." if isnan(wrong) else f"{drawn}{end}."
+    other = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {plain(wrong, 2)} per row"
+    words = "No control: the study has no other candidate." if isnan(wrong) else f"{other}{end}."
     openings = f" The held-out rows have been opened {vault.opened} times: they are no longer unseen."
     alike = f" All held-out rows have {voc.units.conditions_text(vault.alike)}: no other value is tested."
     return words + alike * bool(vault.alike) + openings * (vault.opened > 1)
@@ -227,7 +227,12 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if not keys:
         ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
         ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
-        words = "No measurement in the present ranges separates the explanations."
+        sets = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}
+        share = sum(p for names, p in sets.items() if names >= max(sets, key=lambda each: sets[each]))
+        chance = say.probability_text(share)
+        words = f"One explanation has probability {chance}; measurements are proposed where more are left."
+        if share < SURE:
+            words = "No measurement in the present ranges separates the explanations."
         if ranges:
             words += f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}."
         if not part_words.can_test_any_effect(record):

@@ -142,6 +142,15 @@ def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
     assert found.matrix[0, 1] == pytest.approx(0.6 * 0.5 / np.sqrt(18.0 / 16.0), rel=1e-9)
 
 
+def test_the_last_digit_is_an_error_of_its_row_alone_less_of_a_mean():
+    problem = linear_problem({}, {}, sd=0.05, count=3, seed=None)
+    table = replace(problem.measurements, value=np.array([1.2, 1.3, 1.5]))
+    for share, repeats in ((1.0, table), (0.5, table.pick_rows_at(np.tile(np.arange(3), 2)))):
+        rows = comparison_rows(problem, repeats)
+        assert rows.rounding**2 == pytest.approx(np.full(3, share * 0.1**2 / 12.0))
+        assert not rows.shared.any()
+
+
 def test_an_error_between_codes_differs_by_half_at_each_diameter():
     problem = linear_problem({}, {}, sd=0.2, count=6)
     diameter = {"d": np.array([1.0, 1.0, 2.0, 2.0, 4.0, 4.0])}

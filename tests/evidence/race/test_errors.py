@@ -113,8 +113,7 @@ def test_scatter_that_repeats_contradict_is_not_told():
     x = np.repeat(np.linspace(-1.0, 1.0, COUNT // 3), 3)
     problem, table = made()
     value = 2.0 * np.sin(4.0 * x) * (1.0 + x) + table.value
-    groups = tuple(map(str, x))
-    record = told(problem, value=value, sd=np.full(COUNT, np.nan), conditions={"x": x}, group=groups)
+    record = told(problem, value=value, sd=np.nan * x, conditions={"x": x}, group=tuple(map(str, x)))
     assert record.verdict == "outside_library"
     assert "scatter" not in kinds(record)
 
@@ -180,8 +179,7 @@ def line(seed: int, classical: bool) -> Problem:
 @pytest.mark.parametrize("classical", [True, False])
 def test_intervals_hold_the_slope_where_the_condition_was_measured_and_where_it_was_set(classical: bool):
     found = [quantiles(*infer(line(100 + k, classical), 1).strength_draws("slope")) for k in range(TABLES)]
-    held = sum(low <= SLOPE <= high for low, _, high in found)
-    assert held >= 18, "fewer of 24 come with a probability of 0.7 % at 0.9"
+    assert sum(low <= SLOPE <= high for low, _, high in found) >= 18, "fewer of 24 come with 0.7 % at 0.9"
 
 
 OFFSET = 1.5  # fifteen sd of a row
@@ -266,8 +264,7 @@ def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains()
 
 
 def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
-    problem = off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))
-    table = problem.measurements
+    table = (problem := off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))).measurements
     table = replace(table, value=table.value + 1.5 * np.cos(9.0 * table.conditions["x"]))
     found = adoption_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
     assert found.vault.chi2_per_row_after < found.vault.chi2_per_row_before
@@ -275,8 +272,7 @@ def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
 
 
 def test_numbers_are_not_moved_by_a_level():
-    problem = heaps(1)
-    table = problem.measurements
+    table = (problem := heaps(1)).measurements
     value = table.value + OFFSET * (np.array(table.observable) == "angle")
     found = summary(infer(replace(problem, measurements=replace(table, value=value)), 1))
     slope = found.parameters["slope"]
@@ -285,8 +281,7 @@ def test_numbers_are_not_moved_by_a_level():
 
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
-    narrow = (Parameter("slope", 0.1, 0.01, 0.15, 1.0),)  # of 0.4
-    found = summary(infer(replace(heaps(1), parameters=narrow), 1))
+    found = summary(infer(replace(heaps(1), parameters=(Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1))
     assert found.named == found.group == ()
     assert found.parameters["slope"].at_end
     assert found.p_misfit < 0.01
