@@ -70,7 +70,9 @@ def decide_cause(posterior: Posterior) -> Decision:
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:
         named, group = (), ()
-    sound = {name: p for name, p in beyond.items() if dose_fit_is_adequate(race, name)}
+    fits = {name: [f for f in race.fits.values() if name in f.hypothesis.acting] for name in mechanisms}
+    likeliest = {name: max(some, key=log_weight_of) for name, some in fits.items() if some}
+    sound = {name: beyond[name] for name, fit in likeliest.items() if is_adequate(fit, FAMILYWISE)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
@@ -119,13 +121,6 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
     return listed and is_adequate(best, FAMILYWISE) and chi_square_of_fit(best) < chi_square_of_fit(race.bare)
-
-
-def dose_fit_is_adequate(race: Race, mechanism: str) -> bool:
-    """Whether the likeliest doses of a mechanism, where the model has gone, are not refuted by the rows."""
-    fits = [fit for fit in race.fits.values() if mechanism in fit.hypothesis.acting]
-    best = max(fits, key=log_weight_of, default=None)
-    return best is not None and is_adequate(best, FAMILYWISE)
 
 
 def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:

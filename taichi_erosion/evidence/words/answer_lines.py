@@ -5,7 +5,7 @@ Every line has its place: an answer has at most eight, and one table.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import isnan
+from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from taichi_erosion.evidence.record import (
 )
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
+from taichi_erosion.scene.physical_ranges import range_at
 from taichi_erosion.tables.number_words import count_noun, heading, plain, toml_key, with_unit
 
 HARDER = "Measurements under other conditions test the model harder"
@@ -225,7 +226,9 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
+        ends = {name: [x.min(), 2.0 * x.max() - x.min()] for name, x in record.rows.conditions.items()}
+        for name, possible in ((name, range_at(f"conditions.{name}")) for name in ends):
+            ends[name][1] = min(ends[name][1], possible.high if possible else inf)
         ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
         sets = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}
         share = sum(p for names, p in sets.items() if names >= max(sets, key=lambda each: sets[each]))
