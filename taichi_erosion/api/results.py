@@ -159,7 +159,7 @@ class DiscoveryResult(RaceResult):
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
+        """Probability of each explanation: `none`, `each_set_up`, `outside_library`, `a`, `a+b` [1]."""
         return dict(self.record.probabilities)
 
     @property

@@ -177,9 +177,8 @@ mechanisms = replace(
 )
 mechanisms = replace(mechanisms, mechanisms=mechanisms.mechanisms | LAWS)
 HUMP = tuple(record.PointPart(a, a - 0.8, a + 0.8, w) for w, a in ((0.0, 0.0), (0.02, 9.1), (0.05, 3.2)))
-curved = replace(
-    outside, curves=(record.CurvePart("repose_angle", "moisture", "offset", "peak", 0.02, HUMP),)
-)
+curve = record.CurvePart("repose_angle", "moisture", "offset", "peak", 0.02, HUMP)
+curved = replace(outside, curves=(curve,))
 contradicted = replace(
     single, **decided("none_detected", liquid_bridge=0.97, none=1e-9) | {"refuted": ("liquid_bridge",)}
 )

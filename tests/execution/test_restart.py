@@ -122,11 +122,8 @@ def test_what_would_change_grains_clock_or_past_is_refused_by_name(cut: Path):
 def test_a_bed_of_another_run_stays_at_rest_with_its_forces_under_another_set_up(tmp_path: Path):
     stages = [{"name": "settle", "until": "rest", "duration_max": 0.5, "rest_energy": 1e-6}]
     table = tomllib.loads(write_scene(tmp_path, run={"replicas": 1}).read_text(encoding="utf-8"))
-    table |= {
-        "stages": stages,
-        "measure": {"column_height": {"plate": "plate"}},
-        "record": {"contacts": True},
-    }
+    height = {"column_height": {"plate": "plate"}}
+    table |= {"stages": stages, "measure": height, "record": {"contacts": True}}
     bed = tmp_path / "bed.toml"
     bed.write_text(tomli_w.dumps(table), encoding="utf-8")
     run_scene(bed, RunOptions(threads=1, record=tmp_path / "bed.rrd", checkpoint=tmp_path / "bed.npz"))

@@ -45,6 +45,7 @@ from taichi_erosion.tables.spreadsheet import Cells, convert_units, read_table_c
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
+ATTENUATION = 0.05  # share of a slope that errors of a measured condition may take before it is told
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 
 
@@ -238,7 +239,7 @@ def study_measurements(
         heap=heap_of_rows(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )
-    notes = [*notes_on_unused_columns(table, file), *notes_on_condition_errors(measurements)]
+    notes = [*notes_on_unused_columns(table, file), *notes_on_condition_errors(measurements, table)]
     return measurements, [*table.notes, *notes]
 
 
@@ -325,18 +326,20 @@ def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) 
     )
 
 
-def notes_on_condition_errors(measurements: Measurements) -> list[str]:
-    """Conditions whose stated values have errors."""
-    notes = []
+def notes_on_condition_errors(measurements: Measurements, table: Table) -> Iterator[str]:
+    """Conditions whose stated values have errors, and by how much a slope along a measured one is too small.
+
+    That is sd^2 over the variance of the stated values; W. A. Fuller, Measurement Error Models (1987), 1.1.
+    """
     for name, sd in measurements.condition_sd.items():
         scale = measurements.table_units.conditions.get(name, Scale())
         most = with_unit(plain(np.nanmax(sd) / scale.factor), measurements.table_units.condition_unit(name))
         count = f"{int(np.sum(sd > 0.0))} of {sd.size} rows"
-        words = (
-            f"{count} state its sd, at most {most}; it enters their errors through the slope of the model."
-        )
-        notes.append(f"{name}: {words}")
-    return notes
+        yield f"{name}: {count} state its sd, at most {most}; it enters their errors by the model's slope."
+        variance = float(np.nanvar(measurements.conditions[name]))
+        share = float(np.mean(np.nan_to_num(sd) ** 2)) / variance if variance > 0.0 else 0.0
+        if share > ATTENUATION and name not in table.set_conditions:
+            yield f"{name}: what depends on it comes out {min(share, 1.0):.0%} too weak if it was measured."
 
 
 def notes_on_unused_columns(table: Table, file: StudyFile) -> Iterator[str]:

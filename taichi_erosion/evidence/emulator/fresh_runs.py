@@ -153,11 +153,8 @@ class FreshSimulator:
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
         tested: list[TestedRow] = []
         for observable, rows, conditions in requests:
-            name, columns = (
-                self.mapping.observables[observable.name],
-                self.mapping.model_conditions(conditions),
-            )
-            emulator = self.emulators[name]
+            name = self.mapping.observables[observable.name]
+            columns, emulator = self.mapping.model_conditions(conditions), self.emulators[name]
             scene = emulator.inputs.scene
             group, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
             for k, row in enumerate(map(int, rows)):

@@ -109,10 +109,8 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
         path = dotted_paths(paths)[0]
         if scenes:
             values = (value_at_dotted_path(scene, path) for scene in scenes)
-            allowed, value = (
-                range_at(path),
-                next((float(n) for n in values if type(n) in (int, float)), nan),
-            )
+            value = next((float(n) for n in values if type(n) in (int, float)), nan)
+            allowed = range_at(path)
         else:
             unit = table.units[table.conditions.index(name)]
             allowed, value = range_at(f"conditions.{path}") if unit else None, nan

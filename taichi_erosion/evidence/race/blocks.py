@@ -29,6 +29,7 @@ from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
+EACH_SET_UP = "each_set_up"  # differs for itself, along no condition
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
 
@@ -48,12 +49,12 @@ def unlisted_blocks(
 ) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
-    Something that is not in the list acts along one condition, or along all of them: one key for each.
+    One key for each: something acts along one condition, or along all; or each set-up differs for itself.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
     axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
     blocks_along = {}
-    for along in ("", *(axes if len(axes) > 1 else ())):
+    for along in ("", *(axes if len(axes) > 1 else ()), EACH_SET_UP):
         blocks_along[along] = [
             replace(
                 block,
@@ -139,10 +140,11 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 def smooth_columns(
     rows: ComparisonRows, observable: str, mask: Bools, size: float, along: str = ""
 ) -> Floats:
-    """Columns F (n, q) of a smooth function along one condition, or all: F F^T is its covariance."""
+    """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
-    fitted, kernel = mask[at], np.ones((at.size, at.size))
-    for name in [along] if along else rows.conditions:
+    fitted, group, by_set_up = mask[at], np.array(rows.group)[at], along == EACH_SET_UP
+    kernel = np.where(by_set_up, group[:, None] == group, 1.0)
+    for name in () if by_set_up else [along] if along else rows.conditions:
         column = rows.conditions[name][at]
         axis = axis_scale_of(column[fitted])
         if axis is not None:

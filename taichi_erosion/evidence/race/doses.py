@@ -18,7 +18,7 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Floats, Mechanism
-from taichi_erosion.evidence.race.blocks import Block, dose_factors
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, dose_factors
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import FAR, SLACK, Doses, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.linear_evidence import scale
@@ -189,7 +189,7 @@ def restart_likeliest_mechanisms(race: Race, usual: Fit, every: Sequence[Dosing]
 
     They are its numbers and doses, and the `usual` numbers with the middle of the range on either side of 0.
     """
-    best = max([fit for h, fit in race.fits.items() if h.extra], key=log_weight_of)
+    best = max([fit for h, fit in race.fits.items() if h.extra and h.along != EACH_SET_UP], key=log_weight_of)
     count, zero = race.model.count, usual.w
     start = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
     for one in [each for each in every if each.axis == (best.hypothesis.along or "all")]:
@@ -226,9 +226,8 @@ def add_second_cause(race: Race, every: Sequence[Dosing]) -> None:
     fits = []
     for one, start, w in runs:
         dosing = replace(one, log_prior=one.log_prior + more)
-        fits.append(
-            (dosing, dosing.fit_about(start, Doses(w, w, dosing.factors).coefficients, w, None, FIRST), w)
-        )
+        beta = Doses(w, w, dosing.factors).coefficients
+        fits.append((dosing, dosing.fit_about(start, beta, w, None, FIRST), w))
     least = max(map(log_weight_of, race.fits.values())) + log(KEEP)
     for one, expansion, w in sorted(fits, key=lambda each: -log_weight_of(each[1]))[:CARRIED]:
         if log_weight_of(expansion) > least:

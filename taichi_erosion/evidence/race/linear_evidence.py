@@ -148,10 +148,8 @@ class LinearPosterior:
 
     def scales_for(self, others: Scales) -> Floats:
         """Scales of these names here; at their priors where there is none."""
-        scales_by_name = dict(zip(self.rows.scales.names, self.u, strict=True))
-        return np.array(
-            [scales_by_name.get(name, u) for name, u in zip(others.names, others.initial, strict=True)]
-        )
+        sizes = dict(zip(self.rows.scales.names, self.u, strict=True))
+        return np.array([sizes.get(name, u) for name, u in zip(others.names, others.initial, strict=True)])
 
     @property
     def value(self) -> float:

@@ -16,6 +16,7 @@ from math import comb, log
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
@@ -24,14 +25,13 @@ from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     """Prior of all hypotheses with as many effects, alone or beside the same kind of what no list holds.
 
-    What no list holds is a mechanism where the model declares some, or one step more unlikely.
+    That is a mechanism where the model declares some, or one step more unlikely; of each set-up one more.
     """
     size, others, step = len(hypothesis.names), hypothesis.extra, priors.step
+    size += hypothesis.along == EACH_SET_UP
     if others:
-        share = step if OUTSIDE in others else (1.0 - step) * step ** (len(others) - 1)
-        return (
-            priors.unlisted * (1.0 - step) * step**size * (share if race.prepared.problem.mechanisms else 1)
-        )
+        part = step if OUTSIDE in others else (1.0 - step) * step ** (len(others) - 1)
+        return priors.unlisted * (1.0 - step) * step**size * (part if race.prepared.problem.mechanisms else 1)
     if not size:
         return priors.nothing
     whole = sum(step**k for k in range(1, min(MOST, len(race.model.candidates)) + 1))
@@ -40,8 +40,8 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 
 def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
-    alike = comb(len(race.model.candidates), len(hypothesis.names))
-    return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.extra else 1))
+    whole = prior(race, hypothesis, race.priors) / comb(len(race.model.candidates), len(hypothesis.names))
+    return log(whole / (len(race.large) - 1 if hypothesis.extra else 1))
 
 
 def search_effect_sets(race: Race) -> None:
@@ -79,13 +79,13 @@ def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 
 
 def add_unlisted_effect(race: Race, parent: Fit) -> None:
-    """A set beside something that is not in the list, along all conditions and along each."""
+    """A set beside what is not in the list, along all conditions and each, or what set-ups differ in."""
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
-        if hypothesis not in race.fits:
-            price = log_prior(race, hypothesis)
+        if hypothesis not in race.fits and any(block.kind == "unlisted" for block in blocks):
+            most, price = 0 if along == EACH_SET_UP else 2, log_prior(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
-            race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), 2))
+            race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), most))
 
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:

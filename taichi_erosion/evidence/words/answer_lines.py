@@ -312,9 +312,7 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
         return None
     names = prediction.rows[0].condition_units
     columns = ("observable", *map(heading, names, names.values()), "model", *INTERVALS)
-    titles = [
-        heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in prediction.rows
-    ]
+    titles = [heading(say.quantity(r.observable), units.value_unit(r.observable)) for r in prediction.rows]
     places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
     cells = ((*value_cells(row, units), out_of_range_text(row)) for row in prediction.rows)
     titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]

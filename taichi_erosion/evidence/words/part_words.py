@@ -317,7 +317,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if share >= SURE:
         why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
     name = say.EXPLANATIONS.get(leading) or say.join_words(map(voc.effect_title, leading.split("+")))
-    name, why = (name, "") if leading == "none" else (f"{name} alone", why)
+    name, why = (name, "") if leading in ("none", "each_set_up") else (f"{name} alone", why)
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
     best = f"the likeliest, {name}, has probability {say.probability_text(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."

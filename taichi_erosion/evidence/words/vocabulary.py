@@ -39,6 +39,7 @@ QUANTITIES = {  # observables, conditions and numbers that say little by their k
     "friction_rolling": "rolling friction",
 }
 EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
+EXPLANATIONS |= {"each_set_up": "a difference of each set-up, along no condition"}
 
 
 @dataclass(frozen=True)

@@ -126,17 +126,20 @@ def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_
     assert measurements.limit[-1] == 0.05
 
 
-def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path):
+@pytest.mark.parametrize("kind", ["set ", ""])
+def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path, kind):
     head, *lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
-    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter")
-    rows = [",".join([*line.split(",")[:7], "0.02", *line.split(",")[7:]]) for line in lines]
+    head = head.replace("diameter [mm]", f"diameter [mm],sd of {kind}diameter")
+    rows = [",".join([*line.split(",")[:7], "0.05", *line.split(",")[7:]]) for line in lines]
     (tmp_path / "heap.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
     (tmp_path / "heap.toml").write_text(study_text(), encoding="utf-8")
     study = load_study(tmp_path / "heap.toml")
-    assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
-    assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
+    assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 5e-5))
+    notes = "\n".join(study.notes)
+    assert "rows state its sd, at most 0.05 mm; it enters their errors" in notes
+    assert ("comes out 11% too weak if it was measured" in notes) == (not kind)
     errors = condition_errors(comparison_rows(study.problem, study.problem.visible_rows()))
-    assert errors.sd["diameter"] == pytest.approx(2e-5)
+    assert errors.sd["diameter"] == pytest.approx(5e-5)
 
 
 VALUE, SHARE = 0.3, 0.1  # m/s; error that all rows share, over the value [1]

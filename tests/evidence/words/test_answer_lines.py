@@ -205,10 +205,8 @@ def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
 
 @pytest.mark.parametrize("name", ["adopted", "still_fails", "fitted_fails"])
 def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
-    answers = (
-        discover_answer(after_adoption(single, ADOPTIONS[name]), VOC),
-        adopt_answer(ADOPTIONS[name], VOC),
-    )
+    adopted = ADOPTIONS[name]
+    answers = discover_answer(after_adoption(single, adopted), VOC), adopt_answer(adopted, VOC)
     assert answers[0].lines[-1] == answers[1].lines[-1]
     assert acting_rows(answers[0]) == {"liquid_bridge"}
 
