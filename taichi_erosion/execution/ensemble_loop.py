@@ -102,7 +102,7 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     ensemble.checks += 1
     ensemble.sums = simulation.energies(sim)
     running = np.array([state.active for state in ensemble.states])
-    stopped, removed = simulation.statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
+    stopped, removed = simulation.replica_statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
     steps = interval / np.array([setup.time_step for setup in sim.setups])
     ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
     for replica, state in enumerate(ensemble.states):

@@ -215,7 +215,7 @@ def write_silhouettes_and_film(recorder: Recorder, ensemble: EnsembleRun) -> dic
     for name in ("repose_angle", "angle_of_repose"):
         measurement = ensemble.states[recorder.replica].measurements.get(name)
         if measurement is not None and measurement.details.get("lines"):
-            image = silhouettes(simulation.snapshot(ensemble.sim, recorder.replica), measurement.details)
+            image = heap_silhouettes(simulation.snapshot(ensemble.sim, recorder.replica), measurement.details)
             stream.log_image(recorder.recording, "silhouette", image, timeless=True)
             files["silhouettes"] = str(pictures.write_png(path.with_suffix(".png"), image))
     if recorder.film:
@@ -223,7 +223,7 @@ def write_silhouettes_and_film(recorder: Recorder, ensemble: EnsembleRun) -> dic
     return files
 
 
-def silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Picture:
+def heap_silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Picture:
     """Silhouettes of a heap on z = 0 from all measured azimuths, with the fitted flanks."""
     grain = 2.0 * float(np.median(state.radius))
     masks, flanks, captions = [], [], []

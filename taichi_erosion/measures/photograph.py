@@ -123,7 +123,7 @@ def measure_photograph(
         "base_line": detection.base,
         "tilt": detection.tilt,
         "crop": list(box),
-        "drawing": drawing(detection, calm.shape, (left, top)),
+        "drawing": detected_lines(detection, calm.shape, (left, top)),
     }
     return record
 
@@ -173,7 +173,7 @@ def rms_outline_deviation(detection: Detection) -> float:
     return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2))) / height
 
 
-def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -> dict[str, Any]:
+def detected_lines(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -> dict[str, Any]:
     """What was detected, in pixels (column, row) of the photograph: outline, base line, fitted lines.
 
     `shape` is that of the crop, (column, row) of whose upper left is `corner`.

@@ -57,7 +57,7 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         remaining = remaining - (portion - undone)
         if (status == Status.OVERFLOW).any():
             double_list_capacity(sim)
-            status = statuses(sim)
+            status = replica_statuses(sim)
 
 
 def steps_of_one_launch(sim: Simulation) -> int:
@@ -114,7 +114,7 @@ def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: flo
         adapt_size(sim.team, count, size, most, late)
 
 
-def statuses(sim: Simulation) -> Integers:
+def replica_statuses(sim: Simulation) -> Integers:
     """Status of every replica."""
     return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
 
@@ -129,7 +129,7 @@ def double_list_capacity(sim: Simulation) -> None:
 
 def failure(sim: Simulation, replica: int) -> Failure | None:
     """Why a replica stopped; None while it runs."""
-    status = Status(int(statuses(sim)[replica]))
+    status = Status(int(replica_statuses(sim)[replica]))
     if status == Status.RUNNING:
         return None
     replicas = sim.world.replicas

@@ -96,7 +96,7 @@ class Template:
         return float(materials[self.grain_density_path.split(".")[1]]["density"])
 
 
-def contact(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
+def contact_table(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
     """Friction between grains, which laboratories seldom measure."""
     numbers = [CalibratedNumber(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
@@ -159,7 +159,7 @@ TEMPLATES = {
         "a cylinder that is lifted slowly",
         ("repose_angle", *LENGTHS),
         lifted_cylinder_changes,
-        *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
+        *(contact_table("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
     "collapse": Template(
@@ -167,7 +167,7 @@ TEMPLATES = {
         "a column whose tube vanishes",
         ("angle_of_repose", "runout_radius", *HEAP),
         column_collapse_changes,
-        *(contact("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
+        *(contact_table("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
     "funnel": Template(
@@ -175,7 +175,7 @@ TEMPLATES = {
         "a funnel",
         ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
         funnel_changes,
-        *(contact("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
+        *(contact_table("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
     ),
@@ -184,7 +184,7 @@ TEMPLATES = {
         "a drum that turns slowly",
         ("dynamic_angle",),
         lambda diameter, grains: {},
-        *(contact("soil-soil", 0.5, 0.1), 1000, 3e-3),
+        *(contact_table("soil-soil", 0.5, 0.1), 1000, 3e-3),
         varies=False,
     ),
     "threshold": Template(
@@ -196,14 +196,14 @@ TEMPLATES = {
             "run.time_step_fraction": 0.12,
             "threshold.first": None,
         },
-        *(contact("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
+        *(contact_table("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
     ),
     "impact": Template(
         "impact_threshold",
         "a patch of bed under a wind that falls",
         ("impact_threshold", "impact_threshold_linear"),
         lambda diameter, grains: {},
-        *(contact("sand-sand", 0.5, None), 800, USUAL_SAND),
+        *(contact_table("sand-sand", 0.5, None), 800, USUAL_SAND),
     ),
     "saltation": Template(
         "saltation",
@@ -213,7 +213,7 @@ TEMPLATES = {
             "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")
         },
         (
-            *contact("sand-sand", 0.5, None),
+            *contact_table("sand-sand", 0.5, None),
             CalibratedNumber("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
         ),
         *(800, USUAL_SAND),

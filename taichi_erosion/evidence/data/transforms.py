@@ -148,7 +148,7 @@ class Working:
         return float(self.deviances)
 
 
-def working(residual: Floats, reach: Floats) -> Working:
+def working_residuals(residual: Floats, reach: Floats) -> Working:
     """Working residuals of one whitened residual, or of columns of them.
 
     `reach` is 0 for an ordinary row, and says where a censored value lies: -inf below its limit z, +inf above

@@ -42,7 +42,7 @@ from taichi_erosion.evidence.data.transforms import (
     Working,
     adopted_axis,
     parameter_axis,
-    working,
+    working_residuals,
 )
 from taichi_erosion.evidence.models.predictor import Predictor, mean_over_finite_seeds, pooled_seed_variance
 
@@ -111,7 +111,7 @@ class PreparedProblem:
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
+        return working_residuals(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
 
     def model_errors(
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.comparison_rows import (
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
-from taichi_erosion.evidence.data.transforms import slope, unscale, working
+from taichi_erosion.evidence.data.transforms import slope, unscale, working_residuals
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
@@ -332,7 +332,7 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     # rivals may expect large errors
     size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].conditional_variance(False))
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
-    before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
+    before, after, *other = (float(np.mean(working_residuals(gap, reach).residual ** 2)) for gap in gaps)
     exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after = predicted_misfit_p_value(place, outlooks[1], exact)
     p_worse = p_value_of_misfit_change(place, outlooks[0], outlooks[1], exact)

@@ -54,7 +54,7 @@ class Answer:
         return *self.missing, *self.holds, *self.following
 
 
-def trim(answer: Answer, record: Record) -> Answer:
+def trim_answer(answer: Answer, record: Record) -> Answer:
     """An answer without empty lines, and a spent budget before the last one."""
     spent = f"Stopped at the budget ({count_noun(record.settings, 'setting')} of the model)"
     stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.stopped)
@@ -79,7 +79,7 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     holds = (part_words.scatter_line(record, voc), part_words.calibrated_numbers_line(record, before=True))
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_misfit_rows(record, voc)))
     following = (f"{first_step(record, 'compare', voc) or last}.",)
-    return trim(Answer(missing, holds, following, table), record)
+    return trim_answer(Answer(missing, holds, following, table), record)
 
 
 def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
@@ -93,7 +93,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     if not (record.p_misfit < ADEQUATE or part_words.misfit_places(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
-        words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt(record)}"
+        words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt_text(record)}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
     places = "" if record.p_misfit < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
@@ -112,7 +112,7 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     vault = record.vault
     before, _, last = adoption_lines(record, vault, voc) if vault and vault.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
-    return trim(Answer(missing, holds, (steps_after_discovery(record, voc, last),), table), record)
+    return trim_answer(Answer(missing, holds, (steps_after_discovery(record, voc, last),), table), record)
 
 
 def sensitivity_table(record: Record) -> Table | None:
@@ -160,11 +160,11 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if vault is None or not vault.n:
         names, proposals = say.join_words(record.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
-        return trim(Answer((words,), (), (), None), record)
+        return trim_answer(Answer((words,), (), (), None), record)
     first, numbers, last = adoption_lines(record, vault, voc)
     following = (f"{first_step(record, 'adopt', voc, *vault.adopted) or last}.",)
-    holds = control(vault, voc), numbers
-    return trim(Answer((first,), holds, following, error_table(record, vault)), record)
+    holds = control_sentence(vault, voc), numbers
+    return trim_answer(Answer((first,), holds, following, error_table(record, vault)), record)
 
 
 def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
@@ -195,7 +195,7 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     return first, numbers(record, before=False, without=names), last
 
 
-def control(vault: HeldOutPart, voc: say.Vocabulary) -> str:
+def control_sentence(vault: HeldOutPart, voc: say.Vocabulary) -> str:
     """What a random other effect does, and how varied and unseen the rows are."""
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
@@ -240,19 +240,19 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
             words += f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}."
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
-        return trim(Answer((words,), (), (), None), record)
+        return trim_answer(Answer((words,), (), (), None), record)
     leading, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
-    names = [*map(short, leading), *([count_noun(more, "other explanation")] if more > 0 else [])]
+    names = [*map(explanation_name, leading), *([count_noun(more, "other explanation")] if more > 0 else [])]
     words = say.join_words(names, "from" if len(names) == 2 else "and")
     last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
-    expects = (f"expected by {short(key)}" for key in leading)
+    expects = (f"expected by {explanation_name(key)}" for key in leading)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_table_row(each, leading, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
-    return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
+    return trim_answer(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
-def short(key: str) -> str:
+def explanation_name(key: str) -> str:
     """`a + b`, `no missing effect`."""
     return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 

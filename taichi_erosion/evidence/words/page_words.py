@@ -76,7 +76,7 @@ def explanations_by_probability(record: Record) -> Iterator[tuple[str, float, st
     """Explanations with their probabilities, the likeliest first; small ones together."""
     ranked = sorted(record.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
-    main = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
+    main = [(lines.explanation_name(key), p) for key, p in ranked if p >= KEEP]
     rest = [(count_noun(len(small), "other explanation"), sum(small))] if small else []
     for label, p in [*main, *rest]:
         yield label, p, probability_text(p)

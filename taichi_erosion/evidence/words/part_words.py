@@ -123,10 +123,10 @@ def naming_lowers_misfit(record: Record) -> bool:
 
 def agrees(record: Record) -> bool:
     """Whether it agrees as a whole, with repeats, in every place."""
-    return not (fails(record) or doubt(record))
+    return not (fails(record) or doubt_text(record))
 
 
-def doubt(record: Record) -> str:
+def doubt_text(record: Record) -> str:
     """What keeps a model that does not fail from agreement; empty where nothing does."""
     if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
         return "has a trend that the stated scatter would not make"
@@ -306,7 +306,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     places, chances = misfit_places(record), [record.p_misfit, record.p_lack_of_fit]
     state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
-    if not fails(record) and (words := doubt(record)):
+    if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
     if leading == "none" and (agrees(record) or (share >= SURE and not places)):

@@ -30,7 +30,7 @@ TRIES = 400  # random places tried for a grain before its layer is closed [1]
 Places = Iterator[tuple[Floats, float]]  # of points inside a mesh, with their depth [m]
 
 
-def stream(seed: int, purpose: str) -> Generator:
+def random_stream(seed: int, purpose: str) -> Generator:
     """Independent random stream of a seed and a purpose, from a counter-based generator.
 
     Reference: Salmon et al. (2011), SC '11, article 16 (Philox).
@@ -46,7 +46,7 @@ def pour_grains(
 
     Every inlet gets its share of each kind that passes it.
     """
-    random, gravity, kinds = stream(seed, "places"), scene.gravity.magnitude, list(scene.grains.parts)
+    random, gravity, kinds = random_stream(seed, "places"), scene.gravity.magnitude, list(scene.grains.parts)
     density = np.array([material.density for material in scene.grain_materials.values()])
     place, velocity, release = np.empty((len(kind), 3)), np.zeros((len(kind), 3)), np.empty(len(kind))
     owner = np.empty(len(kind), np.int32)
@@ -210,8 +210,8 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
         columns = (bed[name][np.argsort(bed["ident"])].astype(np.float64) for name in names)
         place, velocity, spin, radius, kind = columns
         return InitialBodies(place, velocity, spin, kind.astype(np.int32), 2.0 * radius, 0.0 * radius)
-    count, random = scene.grains.count, stream(seed, "places")
-    kind, diameter = draw_sizes_of(scene, stream(seed, "diameters"), stream(seed, "kinds"))
+    count, random = scene.grains.count, random_stream(seed, "places")
+    kind, diameter = draw_sizes_of(scene, random_stream(seed, "diameters"), random_stream(seed, "kinds"))
     release = np.zeros(count)
     if isinstance(fill, Pour):
         position, velocity, release = pour_grains(scene, fill, kind, diameter, reach, seed)
@@ -221,7 +221,7 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     else:
         position = net_places(scene, fill, reach * diameter, random)
         speed = fill.speed_sd * sqrt(gravity * nominal)
-        velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
+        velocity = speed * random_stream(seed, "velocities").standard_normal(position.shape)
     return InitialBodies(position, velocity, np.zeros_like(position), kind, diameter, release)
 
 

@@ -8,7 +8,7 @@ import scipy
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import HEADROOM, air_over_patch, coupling_of_patch
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
-from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, saved_bed, stream
+from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, random_stream, saved_bed
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, reach_ratio, spheres_of_clump, union_body
 from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, primitive_table, wall_motions
@@ -100,7 +100,7 @@ def append_grains_by_release(before: GrainTable, old_count: int, new: GrainTable
 def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, density: Floats) -> ClumpTable:
     """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
     count, size = len(start.diameter), len(body.radius)
-    turned = scipy.spatial.transform.Rotation.random(count, rng=stream(seed, "orientations"))
+    turned = scipy.spatial.transform.Rotation.random(count, rng=random_stream(seed, "orientations"))
     if isinstance(scene.fill, Positions):
         turned = scipy.spatial.transform.Rotation.from_quat(np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))
     shift = turned.apply(body.centre) if isinstance(scene.fill, Positions) else np.zeros((count, 3))

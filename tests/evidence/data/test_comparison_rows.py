@@ -11,7 +11,7 @@ from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.comparison_rows import censor_scale, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
-from taichi_erosion.evidence.data.transforms import working
+from taichi_erosion.evidence.data.transforms import working_residuals
 from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
@@ -28,7 +28,7 @@ def log_probability(u: float, reach: float) -> float:
 @pytest.mark.parametrize("reach", [-np.inf, np.inf, 0.3, 2.0])
 @pytest.mark.parametrize("u", [-3.0, -0.4, 0.0, 1.1, 4.0])
 def test_a_censored_row_has_the_deviance_slope_and_curvature_of_its_likelihood(u, reach):
-    work = working(np.array([u, 0.7]), np.array([reach, 0.0]))
+    work = working_residuals(np.array([u, 0.7]), np.array([reach, 0.0]))
     assert work.censored_deviance == pytest.approx(-2.0 * log_probability(u, reach) + 0.49, rel=1e-9)
     step = 1e-4
     low, here, high = (log_probability(u + k * step, reach) for k in (-1.0, 0.0, 1.0))
@@ -41,7 +41,7 @@ def test_a_censored_row_has_the_deviance_slope_and_curvature_of_its_likelihood(u
 @pytest.mark.parametrize("reach", [-np.inf, np.inf, 1.0])
 def test_a_value_far_outside_its_range_stays_finite(reach):
     for u in (-60.0, 60.0):
-        work = working(np.array([u]), np.array([reach]))
+        work = working_residuals(np.array([u]), np.array([reach]))
         assert np.isfinite([work.censored_deviance, work.residual[0], work.weight[0]]).all()
 
 

@@ -13,7 +13,7 @@ from scipy.stats import kstest, truncnorm
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.fill import stream
+from taichi_erosion.scene.preparation.fill import random_stream
 from taichi_erosion.scene.preparation.sizes import spheres_of_clump, union_body
 from taichi_erosion.scene.schema.grains import Clump, Size
 
@@ -28,7 +28,7 @@ def size_of(table: dict[str, Any]) -> Any:
 
 
 def drawn(table: dict[str, Any], count: int = MANY, seed: int = 1) -> np.ndarray:
-    return sizes.sample_diameters(size_of(table), count, stream(seed, "diameters"))
+    return sizes.sample_diameters(size_of(table), count, random_stream(seed, "diameters"))
 
 
 @pytest.mark.parametrize("table", [COARSE, NARROW])
