@@ -424,14 +424,14 @@ def verify(
     from taichi_erosion.verification import closed_forms
     from taichi_erosion.verification.claims import verify_claims as verify_claims
 
-    def print_claim(claim: "Claim") -> None:
+    def print_verdict(claim: "Claim") -> None:
         typer.echo(f"{claim.id} {output.claim_mark(claim.passed)}: {claim.claim}", err=True)
 
     full = source_module("tests.verification.ladder")
     ladder = full.LADDER if full else closed_forms.LADDER
     if full is None:
         typer.echo(f"short list {', '.join(ladder.checks)}; a source tree runs all claims", err=True)
-    claims = verify_claims(ladder, tuple(ids or ()), on_claim=print_claim)
+    claims = verify_claims(ladder, tuple(ids or ()), on_claim=print_verdict)
     document = {"claims": [asdict(claim) | {"known_failure": ladder.is_known(claim)} for claim in claims]}
     output.print_result(document, as_json, output.print_claims)
     if any(not claim.passed and (strict or not ladder.is_known(claim)) for claim in claims):

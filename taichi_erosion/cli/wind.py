@@ -45,7 +45,7 @@ def survey_wind(
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
     water = stated_number(moisture, "1", "--moisture", "1%")
-    rows = surveys.measured_fluxes(table) if table else ()
+    rows = surveys.flux_by_wind(table) if table else ()
     share = stated_number(precision, "1", "--precision", "5%") if precision else inf
     if precision and not 0.0 < share < 1.0:
         raise BadInput(f"--precision {precision}: write a share below 100 %, such as 5%")

@@ -91,7 +91,7 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
     if ensemble.repeats:
         scene = ensemble.scenes[0]
         final_states = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
-        stages.measure_stage(sim, scene, len(scene.stages) - 1, final_states)
+        stages.measure_at_end(sim, scene, len(scene.stages) - 1, final_states)
 
 
 def advance_to_next_check(ensemble: EnsembleRun) -> None:
@@ -128,7 +128,7 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: stages.ReplicaStat
         state.failure = failure_of_lost_grains(sim, replica, now)
         if state.failure is None:
             if not ensemble.repeats or state.stage + 1 < len(scene.stages):
-                stages.measure_stage(sim, scene, state.stage, {replica: state})
+                stages.measure_at_end(sim, scene, state.stage, {replica: state})
             stages.begin_stage(sim, scene, replica, state, now)
 
 

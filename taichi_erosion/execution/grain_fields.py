@@ -39,7 +39,7 @@ def fields_now(
         raise BadInput(f"fields: {wrong[0]} is no axis; there are x, y and z")
     lengths = {name: length for name, length in zip(AXES, setup.period, strict=True) if length > 0.0}
     kernel = Kernel(
-        places or line_along_z(state, chosen, lengths), chosen, lengths | dict(extent or {}), setup.period
+        places or points_along_z(state, chosen, lengths), chosen, lengths | dict(extent or {}), setup.period
     )
     for name in AXES:
         if name not in kernel.at and not kernel.extent.get(name, 0.0) > 0.0:
@@ -47,7 +47,7 @@ def fields_now(
     return coarse_grain(state, simulation.contact_network(sim, replica), kernel)
 
 
-def line_along_z(state: Snapshot, width: float, lengths: Mapping[str, float]) -> dict[str, Floats]:
+def points_along_z(state: Snapshot, width: float, lengths: Mapping[str, float]) -> dict[str, Floats]:
     """Coordinates of a line along z; along an axis without a period it goes through the centre of mass."""
     centre = np.average(state.position, axis=0, weights=state.mass)
     z, reach, step = state.position[:, 2], REACH * width, STEP * width

@@ -181,7 +181,7 @@ def energy_to_lift_grains(setup: Setup) -> float:
     return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
 
 
-def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[int, ReplicaState]) -> None:
+def measure_at_end(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[int, ReplicaState]) -> None:
     """Measure the observables of the end of a stage in replicas that repeat one scene.
 
     Means of transport are taken over one window for all of them, in which their air is steady.

@@ -16,7 +16,7 @@ from taichi_erosion.grains.simd_batch import (
     set_lane,
     store_history,
 )
-from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
+from taichi_erosion.grains.sleep import first_awake_entry, record_sleep_change
 from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_start
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
@@ -256,12 +256,12 @@ def add_pair_forces(world_out: ti.template(), r, p):
     if first < last:
         load_shared_row(world_out, batch, row)
         end = pairs.stop[base + last - 1]
-        e = next_awake_entry(world_out, base, pairs.start[base + first], end)
+        e = first_awake_entry(world_out, base, pairs.start[base + first], end)
         while e < end:
             filled = 0
             while e < end and filled < world_out.lanes:
                 filled += detect_pair(world_out, batch, filled, r, e, base)
-                e = next_awake_entry(world_out, base, e + 1, end)
+                e = first_awake_entry(world_out, base, e + 1, end)
             for n in range(filled):
                 load_pair_to_lane(world_out, batch, n, base, row)
             for n in range(filled):

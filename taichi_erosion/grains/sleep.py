@@ -90,7 +90,7 @@ def record_sleep_change(sleep_out: ti.template(), i, j):
 
 
 @ti.func
-def next_awake_entry(world_out: ti.template(), base, e, end):
+def first_awake_entry(world_out: ti.template(), base, e, end):
     """First entry from e on with at least one awake grain."""
     awake = e
     if ti.static(world_out.sleeps):

@@ -146,7 +146,7 @@ def touching_shortfalls(share: float) -> Iterator[Shortfall]:
         yield Shortfall("touching", words, share, 0.5, True)
 
 
-def bed_shortfalls(pooled: Measurement) -> Iterator[Shortfall]:
+def few_beds_shortfall(pooled: Measurement) -> Iterator[Shortfall]:
     """Shortfall of a threshold that rests on few beds."""
     if 0 < pooled.n < LEAST_BEDS:
         beds = "one bed" if pooled.n == 1 else f"{pooled.n} beds"

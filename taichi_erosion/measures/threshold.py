@@ -10,7 +10,7 @@ import scipy
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.boundary_layer import flat_plate_thickness, free_stream_speed_by_coles
 from taichi_erosion.measures.result import Measurement, no_measurement, pool
-from taichi_erosion.measures.shortfalls import bed_shortfalls
+from taichi_erosion.measures.shortfalls import few_beds_shortfall
 
 UNIT = "m s-1"
 # thresholds whose measurements hold no bracket
@@ -166,7 +166,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     values_of = {key: [r.details[key] for r in repeats if key in r.details] for key in SHARED}
     shared = {key: float(np.mean(values)) for key, values in values_of.items() if values}
     counts_beds = plain.name in THRESHOLDS or brackets  # other measures lack no beds
-    lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
+    lacking = (*plain.shortfalls, *(few_beds_shortfall(plain) if counts_beds else ()))
     notes = (*plain.notes, CONVERSION.format(**shared)) if "shared_sd" in shared else plain.notes
     plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
     if plain.n < 2:

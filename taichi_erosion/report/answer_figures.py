@@ -241,7 +241,7 @@ def calibrated_number_picture(record: Record) -> Picture:
     return responsive_picture(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
-def draw_medians(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
+def draw_intervals(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
     """Medians with 90 % intervals, rows of `sizes`, along a condition; a `line` with its band joins them."""
     value, low, high = sizes
     frame.axhline(zero, color=SOFT, lw=0.8)
@@ -268,7 +268,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
             figure, frame = single_panel(width, PANEL[1])
-            draw_medians(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
+            draw_intervals(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
             frame.set_title(f"{law.mechanism}: {counts}", loc="left")
@@ -292,7 +292,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
 
     def draw(width: float) -> Figure:
         figure, frame = single_panel(width, PANEL[1])
-        draw_medians(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
+        draw_intervals(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
         frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
         frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
         return figure

@@ -98,7 +98,7 @@ def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
         yield f"surface_{name}", figures.contour_figure(fit, names, unit, at, target.value)
         yield f"hills_{name}", figures.surface_figure(fit, names, unit, at)
         yield f"perturbation_{name}", figures.perturbation_figure(fit, names, unit, at)
-        yield f"fit_{name}", figures.fitted_value_figure(fit, unit)
+        yield f"fit_{name}", figures.fit_over_runs_figure(fit, unit)
         yield f"residuals_{name}", figures.residual_figure(fit, calibration.surface.design.run_order)
         values, predicted = document["confirm"]["values"][name], best["predicted"][name]
         yield f"confirm_{name}", figures.confirmation_figure(values, name, target, predicted)

@@ -97,7 +97,7 @@ def perturbation_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure
 
 
 @page_style()
-def fitted_value_figure(fit: Fit, unit: str) -> Figure:
+def fit_over_runs_figure(fit: Fit, unit: str) -> Figure:
     """Fitted against simulated values."""
     figure, axes = single_panel(*PANEL)
     ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]

@@ -80,13 +80,13 @@ def verify_claims(
         raise BadInput(f"verify: {unknown[0]} is unknown; choose from {', '.join(ladder.checks)}")
     claims = []
     for ident in ids or ladder.checks:
-        for claim in claims_of_check(ident, ladder.checks[ident]):
+        for claim in run_check_claims(ident, ladder.checks[ident]):
             claims.append(claim)
             on_claim(claim)
     return claims
 
 
-def claims_of_check(ident: str, check: Check) -> Iterator[Claim]:
+def run_check_claims(ident: str, check: Check) -> Iterator[Claim]:
     """Claims of one check; a claim's wall time counts from the one before it."""
     began = time.perf_counter()
     try:

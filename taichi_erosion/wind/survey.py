@@ -81,7 +81,7 @@ def survey_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float,
     return winds
 
 
-def measured_fluxes(path: Path) -> Fluxes:
+def flux_by_wind(path: Path) -> Fluxes:
     """Fluxes of a table by friction velocity. Raises BadInput where there are none."""
     table = read_measured(path)
     places = [k for k, name in enumerate(table.conditions) if name in ("friction_velocity", "u_star")]

@@ -11,11 +11,7 @@ from typing import Any
 import tomli_w
 
 PATIENCE = 600.0  # s; the cores may be busy
-WET = (
-    "conditions.moisture=0.02",
-    "effects.liquid_bridge.strength=1",
-    "effects.liquid_bridge.wet_fraction=0.5",
-)
+WET = "conditions.moisture=0.02", "effects.liquid_bridge.strength=1", "effects.liquid_bridge.wet_fraction=0.5"
 TAPPED = ("effects.packing_preparation.strength=1",)
 SCENE: dict[str, Any] = tomllib.loads("""
 scene = { kind = "repose", title = "few grains" }

@@ -44,7 +44,7 @@ def test_residual_panels_and_predictions_show_every_run():
     normal, level, order, influence = figures.residual_figure(surface(), RUN_ORDER).axes
     assert all(len(axes.lines[0].get_xdata()) == 17 for axes in (normal, level, order))
     assert influence.get_xlabel() == "run order"
-    (axes,) = figures.fitted_value_figure(surface(), "deg").axes
+    (axes,) = figures.fit_over_runs_figure(surface(), "deg").axes
     assert len(axes.lines[1].get_xdata()) == 17
 
 

@@ -25,7 +25,7 @@ TABLE = "u* [cm/s];Flux [g/(m s)]\n30;10\n40;20,5\n40;21,5\n"
 def measured(tmp_path):
     path = tmp_path / "flux.csv"
     path.write_text(TABLE, encoding="utf-8")
-    return path, wind_survey.measured_fluxes(path)
+    return path, wind_survey.flux_by_wind(path)
 
 
 def test_all_scenes_of_a_survey_have_one_sand_one_contact_one_drag_law_and_the_same_forces():

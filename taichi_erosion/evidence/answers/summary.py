@@ -214,12 +214,12 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
             if acts < SURE or block.kind != "unlisted" or points.size < 2:
                 continue
             some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
-            curve = curve_shape(name, fit, points[some], index, rows)
+            curve = shaped_curve(name, fit, points[some], index, rows)
             if curve.shape != "varies":
                 yield curve
 
 
-def curve_shape(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
+def shaped_curve(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
     """A curve with its shape: differences between its turn and its ends count beyond 90 %.
 
     It is the mean of a block over the other conditions of the rows, the same at each point.

@@ -156,7 +156,7 @@ class Grains(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _accept_one_table(cls, table: Any) -> Any:
+    def _refuse_table_list(cls, table: Any) -> Any:
         if isinstance(table, (list, tuple)):
             raise contradiction("kinds stand in tables [grains.kinds.MATERIAL], and count in [grains]")
         return table

@@ -15,7 +15,7 @@ from taichi_erosion.grains.pair_contacts import (
     pair_torques,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row, store_history
-from taichi_erosion.grains.sleep import next_awake_entry, record_sleep_change
+from taichi_erosion.grains.sleep import first_awake_entry, record_sleep_change
 from taichi_erosion.grains.state import first_force_place, side_start
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
@@ -39,7 +39,7 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
     base = side_start(world_out.grains, r, world_out.replicas.side[r])
     batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
     near, acts = 0, 0
-    if next_awake_entry(world_out, base, e, e + 1) == e:
+    if first_awake_entry(world_out, base, e, e + 1) == e:
         near = detect_pair(world_out, batch, 0, r, e, base)
     if near == 1:
         load_pair_to_lane(world_out, batch, 0, base, -1)

@@ -186,13 +186,17 @@ def ends(line: Bracket) -> str:
     return "no wind" if isnan(line.middle) else f"{line.middle:.3f} ({line.low:.3f} to {line.high:.3f}) m/s"
 
 
-def hopping_alone(sizes: Sequence[float]) -> list[float]:
-    """Lowest winds in which one grain goes on over beds at rest of such grains [m s-1]."""
-    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
-    scenes = [sand(size, RESTING, [REST], {"measure": {}}) for size in sizes]
+def winds_over_beds(sands: Sequence[Sand]) -> list[Callable[[float], WindProfile]]:
+    """The wind of a friction velocity [m s-1] over a bed at rest of every sand."""
+    scenes = [sand(each.diameter / SMALLEST, RESTING, [REST], {"measure": {}}) for each in sands]
     sim = run_to_end(scenes, [SEED] * len(scenes)).sim
-    winds = [bed_wind(sim, k, each.diameter) for k, each in enumerate(sands)]
-    return list(map(hopping_threshold, sands, winds))
+    return [bed_wind(sim, k, each.diameter) for k, each in enumerate(sands)]
+
+
+def hopping_alone(sizes: Sequence[float]) -> list[float]:
+    """Lowest winds in which one grain goes on over beds of such grains [m s-1]."""
+    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
+    return list(map(hopping_threshold, sands, winds_over_beds(sands)))
 
 
 def saltation() -> Iterator[Outcome]:
