@@ -80,9 +80,8 @@ def calibrate(
             run_steps(calibration, runner, steps)
         finally:
             close_ledger(ledger)
-        measures = dict.fromkeys(
-            name for run in runner.runs for name in run.result.record.get("measures", {})
-        )
+        records = (run.result.record for run in runner.runs)
+        measures = dict.fromkeys(name for each in records for name in each.get("measures", {}))
         table = pd.DataFrame(
             {"stage": run.stage, "row": run.row, "seed": run.seed, "key": run.result.key}
             | {path: f"{run.settings[path]:.6g}" for path in file.study.parameters}

@@ -84,9 +84,8 @@ def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
         if isfinite(result.value(name)) and not block
     ]
     notes = [result.failure or result.record.get("stopped") for result in results]
-    notes += [
-        lack["sentence"] for one in measures for lack in one.get("shortfalls", ()) if not lack["stated"]
-    ]
+    lacks = (lack for one in measures for lack in one.get("shortfalls", ()))
+    notes += [lack["sentence"] for lack in lacks if not lack["stated"]]
     notes += ["; ".join(one["notes"]) for one in measures if one and one["value"] is None]
     numbers = np.array([value for value, _ in values])
     sd = (

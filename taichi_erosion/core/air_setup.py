@@ -179,9 +179,8 @@ def initial_wind(setup: AirSetup, friction_velocity: float) -> Floats:
     assert setup.initial_turbulence is not None
     centre = 0.5 * (setup.faces_z[1:] + setup.faces_z[:-1]) - setup.ground
     wind = np.zeros((3, *setup.cells))
-    wind[0] = log_profile(
-        centre, friction_velocity, setup.initial_turbulence.roughness, setup.constants.karman
-    )
+    roughness = setup.initial_turbulence.roughness
+    wind[0] = log_profile(centre, friction_velocity, roughness, setup.constants.karman)
     height = np.maximum(centre, 0.0) / (setup.high[2] - setup.ground)
     random = np.random.Generator(np.random.Philox(setup.initial_turbulence.seed))
     x, y = (2.0 * np.pi * np.arange(n) / n for n in setup.cells[:2])

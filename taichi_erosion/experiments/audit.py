@@ -275,9 +275,8 @@ def allow_rounding(
     half = table.rounding[fit.rows]
     for _ in range(DRAWS):
         shift = half * rng.uniform(-1.0, 1.0, half.shape)
-        draws.append(
-            numbers_of(replace(fit, values=fit.values + shift[:, 0], coded=fit.coded + shift[:, 1:]))
-        )
+        values, coded = fit.values + shift[:, 0], fit.coded + shift[:, 1:]
+        draws.append(numbers_of(replace(fit, values=values, coded=coded)))
     reach = [SIGMAS * float(np.std([draw[c.source, c.quantity] for draw in draws])) for c in comparisons]
     rounded = [
         replace(c, reach=far if np.isfinite(far) else 0.0) for c, far in zip(comparisons, reach, strict=True)

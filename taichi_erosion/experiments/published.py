@@ -141,9 +141,7 @@ LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 @cache
 def vocabulary() -> dict[str, dict[str, list[str]]]:
     """Words of columns, of lines and quantities of an analysis of variance."""
-    return tomllib.loads(
-        (files("taichi_erosion.experiments") / "vocabulary.toml").read_text(encoding="utf-8")
-    )
+    return tomllib.loads((files("taichi_erosion.experiments") / "vocabulary.toml").read_text("utf-8"))
 
 
 def word_meaning(kind: str, text: str) -> str:

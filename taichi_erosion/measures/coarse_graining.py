@@ -76,9 +76,8 @@ def coarse_grain(state: Snapshot, network: ContactNetwork, kernel: Kernel) -> Gr
     sums = kernel.kernel_sum(state.position, np.concatenate(columns, axis=1))
     density = sums[..., 1]
     dense = (density > THINNEST * density.max(initial=0.0))[..., None]
-    velocity = np.divide(
-        sums[..., 2:5], density[..., None], np.full_like(sums[..., 2:5], np.nan), where=dense
-    )
+    momentum = sums[..., 2:5]
+    velocity = np.divide(momentum, density[..., None], np.full_like(momentum, np.nan), where=dense)
     mean = np.nan_to_num(velocity)
     kinetic = sums[..., 5:].reshape(*density.shape, 3, 3)
     kinetic = kinetic - mean[..., :, None] * sums[..., None, 2:5]

@@ -181,9 +181,8 @@ def angle_of_repose_outline(snapshot: Snapshot, base_height: float = 0.0) -> Mea
         return no_measurement(name, "deg", f"no flank of {OUTLINE_BINS} diameters")
     missing = 2 * len(angles) - sum(map(len, angles))
     notes = (f"{missing} of {2 * len(angles)} flanks too short",) if missing else ()
-    return Measurement(
-        name, float(np.mean(means)), nan, "deg", notes=notes, details={"azimuth_angles": means}
-    )
+    details = {"azimuth_angles": means}
+    return Measurement(name, float(np.mean(means)), nan, "deg", notes=notes, details=details)
 
 
 def side_angle(across: Floats, top: Floats, diameter: float, window: tuple[float, float]) -> float | None:

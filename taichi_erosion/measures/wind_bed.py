@@ -93,9 +93,8 @@ def mean_by_block(name: str, series: Sequence[float], unit: str) -> Measurement:
     means = [float(np.mean(block)) for block in np.array_split(np.asarray(series), BLOCKS)]
     error = float(np.std(means, ddof=1)) / sqrt(BLOCKS)
     lacking = tuple(drift_shortfalls(means))
-    return Measurement(
-        name, float(np.mean(series)), error, unit, details={"blocks": means}, shortfalls=lacking
-    )
+    mean, details = float(np.mean(series)), {"blocks": means}
+    return Measurement(name, mean, error, unit, details=details, shortfalls=lacking)
 
 
 def mean_sand_flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:

@@ -137,9 +137,8 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         set_axis_scale(values, "y", plotted)
         return figure
 
-    caption = page_words.CAPTIONS["rows"].format(
-        observable=quantity(observable), axis=quantity(axis or "rows")
-    )
+    words = {"observable": quantity(observable), "axis": quantity(axis or "rows")}
+    caption = page_words.CAPTIONS["rows"].format(**words)
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive_picture(draw, caption, f"rows{number}", texts)
 

@@ -215,10 +215,8 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iter
         if places < scene.grains.count:
             yield f"grains.count = {scene.grains.count}: the fill has {places} places"
     if isinstance(fill, Layers) and scene.periods_xy is not None:
-        names = (
-            ("domain.period.0", "domain.period.1") if scene.wind is None else ("wind.length", "wind.width")
-        )
-        sides = zip(names, scene.periods_xy, places_per_layer(scene.periods_xy, fill), strict=True)
+        ends = ("domain.period.0", "domain.period.1") if scene.wind is None else ("wind.length", "wind.width")
+        sides = zip(ends, scene.periods_xy, places_per_layer(scene.periods_xy, fill), strict=True)
         for name, size, places in sides:
             if places < PATCH_GRAINS_LEAST:
                 least = PATCH_GRAINS_LEAST

@@ -5,9 +5,10 @@ A file has one decimal mark. What has two readings, or is no number, is refused 
 
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from math import inf, isfinite, isnan, nan
 
 from taichi_erosion.core.errors import BadInput
@@ -33,6 +34,8 @@ DATE = re.compile(
     rf"\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
 )
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
+
+DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%Y年%m月%d日")
 
 
 class CellFault(ValueError):
@@ -115,6 +118,15 @@ def middle_of_interval(between: re.Match[str], comma: bool) -> CellNumber:
     return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
 
 
+def days_since_first(texts: Sequence[str]) -> list[int]:
+    """Days of dates since the first of them; empty where they are none, or can be read in two ways."""
+    readings = list[list[datetime]]()
+    for form in DAYS:
+        with suppress(ValueError):
+            readings.append([datetime.strptime(text.removesuffix(" 00:00:00"), form) for text in texts])
+    return [(each - min(readings[0])).days for each in readings[0]] if len(readings) == 1 else []
+
+
 def reason(plain: str) -> str:
     """Why a text is no number, and what to do."""
     if cell_word(plain) == "unseen":
@@ -125,9 +137,7 @@ def reason(plain: str) -> str:
         return "is no certain number: write the number alone, and behind ± how well it is known"
     if re.match(rf"{NUMBER} ?[(\[]", plain):
         return "has a bracket behind it: write the number alone, or with the sd of single repeats, 31.2 ± 0.8"
-    return (
-        "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
-    )
+    return "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words go to another column"
 
 
 def decimal_value(number: str, comma: bool) -> float:

@@ -110,9 +110,9 @@ def why_column_is_no_condition(
         return "it is a result beside the measured quantity"
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
-    if same := [
-        text for text, other in others.items() if is_parabola_of(values, other) or follows(values, other)
-    ]:
+    is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds, which another column has too
+    same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
+    if same:
         return f"it changes with '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)

@@ -204,9 +204,8 @@ def order_effects_to_adopt(effects: Sequence[str], names: Sequence[str], path: P
     if missing := [effect for effect in effects if effect not in names]:
         remedy = "one of your own: --effect FILE, or effect_files under [study]"
         if missing[0] in mechanism_rows():
-            remedy = (
-                f"{shell_command('effects', 'new', 'NAME', '--from-discovery', path)} makes an effect of it"
-            )
+            command = shell_command("effects", "new", "NAME", "--from-discovery", path)
+            remedy = f"{command} makes an effect of it"
         listed = ", ".join(names) or "none"
         raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {listed}; {remedy}")
     return tuple(name for name in names if name in effects)

@@ -162,9 +162,8 @@ def answer_and_rivals(race: Race, decision: Decision) -> list[Kind]:
     for fits in kinds.values():
         able = sorted((each for each in fits if each.is_optimum), key=log_weight_of, reverse=True)
         if able:
-            alike = tuple(
-                f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None
-            )
+            names = able[0].hypothesis.names
+            alike = tuple(f for f in able if f.hypothesis.names == names and f.dose is None)
             alike = alike if able[0].dose is None else (able[0],)
             classes.append(Kind(race, log_total(fits), alike))
     return classes
@@ -253,9 +252,8 @@ def after_runs(decision: Decision, part: FreshPart) -> Decision:
         verdict: Verdict = "outside_library" if decision.unlisted >= SURE else "none_detected"
         return replace(decision, verdict=verdict, acting_mechanisms=(), together=False)
     order = tested[::-1] if part.rivals > part.simulated else tested
-    group = dict.fromkeys(
-        name for name in (*order, *decision.acting_mechanisms) if name not in decision.named
-    )
+    ranking = (*order, *decision.acting_mechanisms)
+    group = dict.fromkeys(name for name in ranking if name not in decision.named)
     return replace(decision, acting_mechanisms=tuple(group)[:MOST_TOLD], together=False)
 
 

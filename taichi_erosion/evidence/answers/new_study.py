@@ -453,9 +453,8 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
 
 def extra_condition_units(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    units = {
-        path: unit for path, unit in request.table_options.own_units.items() if unit_at_path(path) is None
-    }
+    units_of_user = request.table_options.own_units
+    units = {path: unit for path, unit in units_of_user.items() if unit_at_path(path) is None}
     units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
     return {path.removeprefix(CONDITION): unit for path, unit in units.items()}
 

@@ -48,10 +48,7 @@ READS = {  # place -> condition of the closed form
     **{DIAMETER: "diameter", GRAIN_DENSITY: "grain_density", FRICTION_VELOCITY: "u_star"},
     "conditions.roughness_density": "roughness",
 }
-INCLUDES = {
-    "conditions.air_density": AIR,
-    "conditions.pressure": ("conditions.altitude",),
-}  # what it counts in
+INCLUDES = {"conditions.air_density": AIR, "conditions.pressure": ("conditions.altitude",)}  # counts these
 THRESHOLD = CalibratedNumber("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
 SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
 ROLLING = CalibratedNumber("friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains")

@@ -97,9 +97,8 @@ def repeat_disagreement_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPa
     for each in rows.unmerged:
         bad_lines = [line for line in each.suspects if (each.observable, line) in bad]
         suspects = each.suspects if len(each.suspects) == 1 else bad_lines
-        yield parts.RepeatPart(
-            each.observable, each.lines, each.gap, suspects[0] if len(suspects) == 1 else 0
-        )
+        line = suspects[0] if len(suspects) == 1 else 0
+        yield parts.RepeatPart(each.observable, each.lines, each.gap, line)
 
 
 def lack_of_fit_p(race: Race, fit: Fit) -> float:
@@ -345,9 +344,8 @@ def inferred_errors(posterior: Posterior) -> Iterator[parts.ErrorPart]:
         half = ONE_SIDED * float(race.prepared.row_sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
         gap = unscale(scale, rows.z[row]) - unscale(scale, expected)
-        yield parts.ErrorPart(
-            *gap.tolist(), kind="row", observable=rows.names[row], label=str(rows.lines[row][0])
-        )
+        label = str(rows.lines[row][0])
+        yield parts.ErrorPart(*gap.tolist(), kind="row", observable=rows.names[row], label=label)
     spread = np.sqrt(np.diag(np.linalg.inv(now.gradient_and_curvature()[1])))
     for j in range(now.rows.blocks, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))

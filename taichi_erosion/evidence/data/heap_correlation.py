@@ -125,9 +125,8 @@ def correlation_of_repeats(observables: Sequence[Observable], table: Measurement
         z = to_scale(observable, np.where(table.censored, np.nan, table.value))
         pairs = (names == observable.name) & np.isfinite(z) & (heaps[heap] != "")
         counts[:, k] = np.bincount(heap[pairs], n[pairs], heaps.size)
-        values[:, k] = np.bincount(heap[pairs], n[pairs] * z[pairs], heaps.size) / np.maximum(
-            counts[:, k], 1.0
-        )
+        totals = np.bincount(heap[pairs], n[pairs] * z[pairs], heaps.size)
+        values[:, k] = totals / np.maximum(counts[:, k], 1.0)
     correlation, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)

@@ -39,6 +39,7 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
+from taichi_erosion.tables.cell_numbers import days_since_first
 from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, convert_units, read_table_cells
@@ -79,6 +80,7 @@ def read_rows(
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = transpose_sideways_table(cells, interview), len(interview.assumptions)
+    cells = dates_as_days(cells, interview)
     columns = understand_columns(cells, options, interview, faults)
     cells = fill_down(cells, columns, options, interview)
     columns = list(without_repeat_labels(columns, cells))
@@ -103,6 +105,19 @@ def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
     return convert_units(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+
+
+def dates_as_days(cells: Cells, interview: Interview) -> Cells:
+    """The cells; dates are days, a condition, where a column states the scatter: readings may drift."""
+    columns = list(map(list, zip(*(row for _, row in cells.rows), strict=True)))
+    roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
+    for column in columns if roles & {*SCATTER} else ():
+        if max(days := days_since_first(column[1:]), default=0):
+            interview.assume(f"column '{column[0]}' counts days since its first date")
+            column[:] = "day (d)", *map(str, days)
+            break
+    rows = zip(cells.rows, zip(*columns, strict=True), strict=True)
+    return replace(cells, rows=tuple((line, row) for (line, _), row in rows))
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:

@@ -263,9 +263,8 @@ def sobol_runs(
     for number, point in enumerate(points[: count if rows else 0]):
         chosen = {a.name: round_number(parameter(a, share)) for a, share in zip(free, point, strict=False)}
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        acting = {
-            n: round_number(strength(n, s, row)) for n, s in zip(names, point[len(free) :], strict=False)
-        }
+        strengths = zip(names, point[len(free) :], strict=False)
+        acting = {n: round_number(strength(n, s, row)) for n, s in strengths}
         runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, design_seed(key, number)))
     return runs
 

@@ -247,9 +247,8 @@ class JointErrors:
     @cached_property
     def all_values(self) -> Values:
         """Training values of every process, one after the other."""
-        _, first, place = np.unique(
-            np.concatenate(self.training_runs), return_index=True, return_inverse=True
-        )
+        runs = np.concatenate(self.training_runs)
+        _, first, place = np.unique(runs, return_index=True, return_inverse=True)
         every = concatenate_points([process.training for process in self.processes])
         which = np.repeat(np.arange(len(self.training_runs)), [each.size for each in self.training_runs])
         return Values(Points(*(each[first] for each in vars(every).values())), place, which)

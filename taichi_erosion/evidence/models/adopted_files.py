@@ -71,9 +71,8 @@ def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -
     (_, adopted), *scenes = paths_before_and_after(study, adoption.effects)
     write_atomic(adopted, mark_toml(adopted, study.path, adopted_study_text(study, adoption)))
     tables = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
-    files = dict.fromkeys(
-        (*study.effect_files, *(file for one in tables for file in scene_effect_files(one)))
-    )
+    of_scenes = (file for one in tables for file in scene_effect_files(one))
+    files = dict.fromkeys((*study.effect_files, *of_scenes))
     acting = [file for file in files if effect_in(file).name in adoption.strengths]
     return [adopted, *(write_adopted_scene(scene, path, study, adoption, acting) for scene, path in scenes)]
 

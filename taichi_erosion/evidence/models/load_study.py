@@ -199,9 +199,8 @@ def load_scene_model(
     parameters = simulator.uncertain_parameters(file, study_model, measurements, (*candidates, *adopted))
     paths = {number.path for number in parameters}
     scenes = dict.fromkeys(measure.scene for measure in study_model.measures.values())
-    measures = {
-        n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in study_model.measures.items()
-    }
+    entries = study_model.measures.items()
+    measures = {n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in entries}
     study_model = replace(study_model, measures=measures)
     names = [f"{scene.name} {scene_hash(study_model.load_scene_at(scene))}" for scene in scenes]
     identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])

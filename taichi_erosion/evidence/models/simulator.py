@@ -126,9 +126,8 @@ class Simulator:
     def stated_columns(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
         section = self.load_scene_at(scene).conditions
-        conditions = {
-            name: np.full(row_count(columns), value) for name, value in section.values_in_si().items()
-        }
+        rows = row_count(columns)
+        conditions = {name: np.full(rows, value) for name, value in section.values_in_si().items()}
         for path, column in columns.items():
             name = condition_name_of_dotted_path(path)
             if name is not None and bool(np.isfinite(column).any()):

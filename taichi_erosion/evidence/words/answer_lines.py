@@ -210,9 +210,8 @@ def error_table(record: Record, vault: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     parts = [(name, record.effects.get(name)) for name in vault.adopted]
     wrong = vault.chi2_per_row_wrong_effect
-    addition = say.join_words(
-        f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts
-    )
+    names = (f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
+    addition = say.join_words(names)
     rows = [
         ("before", plain(record.chi2_per_row_before, 2), plain(vault.chi2_per_row_before, 2)),
         (f"with {addition}", plain(record.chi2_per_row_after, 2), plain(vault.chi2_per_row_after, 2)),

@@ -143,8 +143,9 @@ def agreement_text(record: Record) -> str:
     """`agrees with all 30 rows if the sand flux scatters 2.9 times as much as its sd or repeats`."""
     wide = (each for each in record.errors if each.kind == "scatter" and each.low > 1.0)
     sizes = (f"the {say.quantity(each.observable)} scatters {plain(each.value, 2)} times" for each in wide)
-    words = say.join_words(f"{size} as much as its sd or repeats" for size in sizes)
-    return f"agrees with {row_count_text(record)}{f' if {words}' if words else ''}"
+    words = [f"{size} as much as its sd or repeats" for size in sizes]
+    words += ["set-ups differ"] * any(each.kind == "group" for each in record.errors)
+    return f"agrees with {row_count_text(record)}{f' if {say.join_words(words)}' if words else ''}"
 
 
 def scatter_line(record: Record, voc: say.Vocabulary) -> str:
@@ -309,7 +310,8 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
-    if leading == "none" and (agrees(record) or (share >= SURE and not places)):
+    alike = agrees(record) and share >= LIKELY and "set-ups differ" not in state
+    if leading == "none" and (alike or (share >= SURE and not places)):
         common = " by errors of measurement" * fails(record)
         none = f"probability that none acts: {say.probability_text(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
@@ -342,9 +344,8 @@ def candidate_status_text(name: str, record: Record) -> str:
     if name in firm:
         return "present"
     if name in either:
-        return (
-            f"not told apart from {say.join_words((n for n in either if n != name), 'or')}; one of them acts"
-        )
+        others = say.join_words((n for n in either if n != name), "or")
+        return f"not told apart from {others}; one of them acts"
     part = record.effects[name]
     if part.status == "excluded":
         return f"excluded above {plain(part.limit, 2)}"

@@ -90,10 +90,8 @@ def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainT
 def append_grains_by_release(before: GrainTable, old_count: int, new: GrainTable) -> GrainTable:
     """A table of whose grains some have begun, and new ones: the others by the time of their release."""
     times = np.concatenate([np.full(old_count, -np.inf), before.release_time[old_count:], new.release_time])
-    rows, pairs = (
-        np.argsort(times, kind="stable"),
-        zip(vars(before).values(), vars(new).values(), strict=True),
-    )
+    rows = np.argsort(times, kind="stable")
+    pairs = zip(vars(before).values(), vars(new).values(), strict=True)
     return GrainTable(*(np.concatenate(pair)[rows] for pair in pairs))
 
 

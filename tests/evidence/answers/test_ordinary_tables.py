@@ -167,20 +167,8 @@ def test_a_listed_effect_is_not_named_where_it_misses_means_of_many_repeats(tmp_
 
 
 def test_no_name_leaves_a_larger_misfit_than_nothing(tmp_path):
-    fluxes = [
-        0.49177,
-        1.076,
-        1.8968,
-        3.8385,
-        0.27869,
-        0.77488,
-        1.5716,
-        3.4101,
-        8.1911e-4,
-        0.37275,
-        1.2142,
-        2.9787,
-    ]
+    text = "0.49177 1.076 1.8968 3.8385 0.27869 0.77488 1.5716 3.4101 8.1911e-4 0.37275 1.2142 2.9787"
+    fluxes = map(float, text.split())
     winds, sizes = (0.32, 0.38, 0.45, 0.55) * 3, np.repeat((0.2, 0.3, 0.45), 4)
     rows = "".join(f"{u};{d};{q};{0.05 * q};3\n" for u, d, q in zip(winds, sizes, fluxes, strict=True))
     record = answer(study_of(tmp_path, "", f"u* (m/s);d50 (mm);sand flux (t/m/d);sd;n\n{rows}")).record

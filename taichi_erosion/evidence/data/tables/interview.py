@@ -345,10 +345,12 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
+    labels = ["|".join(row[c.place] for c in columns if c.role == "group") for _, row in lines]
     for column in columns:
         words = [row[column.place] for _, row in lines]
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
-        kinds = unknown and not column.numeric and are_kinds(words, alike)
+        again = len({*zip(words, labels, strict=True)}) == len({*labels})  # the texture of a soil
+        kinds = unknown and not column.numeric and not again and are_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
             column = reading.fault(column, f"{why} it repeats '{both}'")

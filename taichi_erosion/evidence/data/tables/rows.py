@@ -238,9 +238,8 @@ class RowReader:
 
     def add_fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
         """Keep what is wrong with a cell."""
-        message = (
-            f"{self.cells.file}: row {line}, {column.heading.text} = {quote_cell(row[column.place])} {words}"
-        )
+        cell = quote_cell(row[column.place])
+        message = f"{self.cells.file}: row {line}, {column.heading.text} = {cell} {words}"
         self.wrong.setdefault((column.place, str(words)), []).append(message)
 
     def cell_faults(self) -> Iterator[str]:

@@ -173,6 +173,18 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert any(words in each for each in assumed)
 
 
+def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(tmp_path):
+    days = zip(("3.2.2020", "4.2.2020", "4.2.2020", "5.2.2020"), (0, 1, 2, 4), strict=True)
+    text = "Datum;moisture (%);angle of repose (deg);SD\n" + "".join(
+        f"{d};{w};{30 + w};0.5\n" for d, w in days
+    )
+    assert measured(tmp_path, text)[0].conditions["day"] == pytest.approx(86400.0 * np.array([0, 1, 1, 2]))
+    soils = zip("ABCD", "sand loam loam clay".split(), (2, 9, 14, 22), (0.21, 0.16, 0.14, 0.12), strict=True)
+    rows = [f"{s};{t};{c};{d};{w};{30 + w + c / 3:.1f};0.5" for s, t, c, d in soils for w in (0, 2, 4)]
+    text = "soil;texture;clay (%);d50 (mm);moisture (%);angle of repose (deg);SD\n" + "\n".join(rows)
+    assert {"clay_fraction", "diameter", "moisture"} == {*measured(tmp_path, text)[0].conditions}
+
+
 @pytest.mark.parametrize("heading", ["reps", "WDH", "重复", "Wiederholung"])
 def test_numbers_that_tell_repeats_apart_count_none(tmp_path, heading):
     rows = "".join(f"{k};{w};{30 + w + 0.3 * k:.1f}\n" for w in (0, 1, 2, 4) for k in (1, 2, 3))
