@@ -252,7 +252,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 
 def explanation_name(key: str) -> str:
-    """`a + b`, `no missing effect`."""
+    """`a + b`, `errors of measurement alone`."""
     return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 
 

@@ -310,16 +310,16 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
-    alike = agrees(record) and share >= LIKELY and "set-ups differ" not in state
+    alike = agrees(record) and share >= LIKELY and all(each.kind != "group" for each in record.errors)
     if leading == "none" and (alike or (share >= SURE and not places)):
         common = " by errors of measurement" * fails(record)
         none = f"probability that none acts: {say.probability_text(share)}"
         return f"No missing effect is seen: {state}{common}; {none}."
-    why = f"; a name needs {SURE:g}"
-    if share >= SURE:
+    why = f"; a name needs {SURE:g}" * (leading not in ("none", "each_set_up"))
+    if why and share >= SURE:
         why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
-    name = say.EXPLANATIONS.get(leading) or say.join_words(map(voc.effect_title, leading.split("+")))
-    name, why = (name, "") if leading in ("none", "each_set_up") else (f"{name} alone", why)
+    titles = say.join_words(map(voc.effect_title, leading.split("+")))
+    name = say.EXPLANATIONS.get(leading, f"{titles} alone")
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed
     best = f"the likeliest, {name}, has probability {say.probability_text(share)}{why}"
     return f"No effect is named: {state}. Of all explanations {best}."

@@ -38,8 +38,8 @@ QUANTITIES = {  # observables, conditions and numbers that say little by their k
     "friction_sliding": "sliding friction",
     "friction_rolling": "rolling friction",
 }
-EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
-EXPLANATIONS |= {"each_set_up": "a difference of each set-up, along no condition"}
+EXPLANATIONS = {"none": "errors of measurement alone", "outside_library": "an effect that is not in the list"}
+EXPLANATIONS |= {"each_set_up": "differences between set-ups, along no condition"}
 
 
 @dataclass(frozen=True)

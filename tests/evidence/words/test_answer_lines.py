@@ -236,7 +236,7 @@ def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
     record = replace(null, p_misfit=1e-3, probabilities={"none": 0.95, "outside_library": 0.05})
     assert "by errors of measurement" in discover_answer(record, VOC).lines[0]
     first = discover_answer(replace(record, where=(WET,)), VOC).lines[0]
-    assert re.fullmatch("No effect is named.* fails .*, no missing effect, has probability 0.95.", first)
+    assert re.fullmatch("No effect is named.* fails .*, errors of measurement alone, has .* 0.95.", first)
 
 
 def test_a_trend_that_the_stated_scatter_does_not_make_is_no_failure_and_no_agreement() -> None:
