@@ -197,9 +197,9 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
-    why = f"did you mean {column.near}?"
+    remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
+    why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
-        remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
         why = f"{changed}: {remedy}; if it is that,"
     return reading.fault(column, f"{why} {advice}; {UNUSED}")
 
