@@ -80,9 +80,8 @@ COLUMN_CASES = [
 def main(asked: list[str]) -> None:
     """Simulate what was asked for, telling every effect as it is done."""
     cases = [case for case in COLUMN_CASES if not asked or case.effect in asked]
-    tabulate(
-        TABLE, measure_shifts(COLUMN, COLUMN_ORDERS, cases, list(SEEDS), Numerics(threads=1)), sys.stderr
-    )
+    shifts = measure_shifts(COLUMN, COLUMN_ORDERS, cases, list(SEEDS), Numerics(threads=1))
+    tabulate(TABLE, shifts, sys.stderr)
 
 
 if __name__ == "__main__":

@@ -122,9 +122,8 @@ def orders(case: Case, diameter: float, moisture: float, angularity: float) -> t
 def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
     """Studies and tables of all cases, simulated together."""
     (folder / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
-    runs = [
-        (case, d, w, a) for case in cases for d in DIAMETERS for w, a in CONDITIONS for _ in range(REPEATS)
-    ]
+    sets = [(d, w, a) for d in DIAMETERS for w, a in CONDITIONS for _ in range(REPEATS)]
+    runs = [(case, *each) for case in cases for each in sets]
     tables: dict[int, list[str]] = {case["number"]: [] for case in cases}
     for (case, d, w, a), values in zip(runs, simulated(runs, seed), strict=True):
         tables[case["number"]] += [

@@ -28,20 +28,22 @@ PATCH = settings("grains.count=3200", "wind.length_d=50", "wind.width_d=16")
 SIXTEEN = settings("grains.count=12800", "wind.length_d=100", "wind.width_d=32")
 REST = settings("measure={ fluid_threshold={} }")
 ALONE = REST + settings("threshold.landings=false")
-SIZES = (
-    'grains.size={ law = "lognormal", sigma_log = 0.336, median = 0.00025, low = 0.000128, high = 0.00049 }'
-)
-WIDE = "fill.pitch_d=2.05", "wind.width_d=13", "grains.count=1300", SIZES  # cut at twice the width
+SIZES = 'grains.size={ law = "lognormal", sigma_log = %s, median = 0.00025, low = %s, high = %s }'
+WIDE = "fill.pitch_d=2.05", "wind.width_d=13", "grains.count=1300", SIZES % ("0.336", "0.000128", "0.00049")
+STIFF = "fill.pitch_d=3.3", "wind.width_d=20", "grains.count=2000", "materials.sand.shear_modulus=3e5"
+STIFF += (SIZES % ("0.588", "0.000077", "0.00081"),)  # each cut at twice the width
 SANDS, SHIPPED = {f"{d:g} mm": d for d in (0.15, 0.25, 0.5, 1.0)}, "0.25 mm"
 ORDERS = {name: () for name in (*SANDS, "flux")} | {"patch": REST + PATCH, "flux of the patch": PATCH}
 ORDERS |= {"two of 200": REST, "carried off": ALONE, "patch, carried off": ALONE + PATCH}
 ORDERS |= {"sixteen": REST + SIXTEEN, "sorting 1.4": REST + settings(*WIDE)}
+ORDERS["sorting 1.8"] = REST + settings(*STIFF)
 ONE, BY_LINE = "impact over fluid, flux below 1 %", "impact over fluid, line of the flux"
 HEAD = "d [mm]", "beds", "fluid u* [m/s]", "Iversen & White", "impact u* [m/s], flux below 1 %", "Kok et al."
 HEAD += "impact u* [m/s], line of the flux", ONE, BY_LINE
 VARIANTS = {"as shipped": (SHIPPED, "flux"), "four times the area": ("patch", "flux of the patch")}
 VARIANTS |= {"two grains of 200": ("two of 200", ""), "as shipped, carried off": ("carried off", "")}
-VARIANTS |= {"four times, carried off": ("patch, carried off", ""), "sorting 1.4": ("sorting 1.4", "")}
+VARIANTS |= {"four times, carried off": ("patch, carried off", "")}
+VARIANTS |= {name: (name, "") for name in ("sorting 1.4", "sorting 1.8")}
 SHOWN, WATCH, STEPS = (1, 4, 16), 5.0, 50  # areas over that as shipped [1]; s; of Newton's rule
 STARTS_HEAD = "trials", "with a start", "a", "n", *(f"u* of half, area x {over} [m/s]" for over in SHOWN)
 
