@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
-from taichi_erosion.tables.headings import Heading, is_summary, plain_words
+from taichi_erosion.tables.headings import Heading, is_summary, plain_words, read_heading
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
@@ -110,7 +110,7 @@ def why_column_is_no_condition(
         return "it is a result beside the measured quantity"
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
-    is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds, which another column has too
+    is_code = whole and np.ptp(values) == distinct.size - 1 and not read_heading(heading).unit  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
     if same:
         return f"it changes with '{same[0]}' alone"

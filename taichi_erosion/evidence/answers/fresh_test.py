@@ -44,7 +44,7 @@ from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
@@ -69,7 +69,7 @@ class Kind:
     @property
     def acting(self) -> tuple[str, ...]:
         """Effects and mechanisms that act."""
-        return tuple(sorted(self.fits[0].hypothesis.acting - {OUTSIDE}))
+        return tuple(sorted(self.fits[0].hypothesis.acting - UNLISTED))
 
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""

@@ -26,6 +26,7 @@ from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, condition_units, read_new_conditions
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.outlook import (
     JointRows,
@@ -155,7 +156,7 @@ def predict_new_rows(
         rows=tuple(predicted_rows(posterior, wanted, query)),
         fitted=coverage(leave_one_out(posterior), ~fitted.censored),
         held_out=held_out,
-        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.extra),
+        unlisted=sum(p for h, p in posterior.probability.items() if {*h.extra} - {EACH_SET_UP}),
         outdated=(),
         lost=tuple(dict.fromkeys(lost)),
         constant=wanted.constant,

@@ -37,7 +37,7 @@ from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Race, log_weight_of
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior, has_unexplained_misfit
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
@@ -106,7 +106,7 @@ def probability_of_sets(posterior: Posterior) -> Mapping[Acting, float]:
     """Probability of every set of effects and mechanisms, likeliest first, whatever is beside them."""
     probabilities: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
-        names = tuple(sorted(hypothesis.acting - {OUTSIDE}))
+        names = tuple(sorted(hypothesis.acting - UNLISTED))
         probabilities[names] = probabilities.get(names, 0.0) + p
     return dict(sorted(probabilities.items(), key=lambda each: -each[1]))
 

@@ -24,10 +24,10 @@ from taichi_erosion.evidence.data.transforms import axis_position, axis_value, u
 from taichi_erosion.evidence.models.predictor import axis_scale_of
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate, misfit_p_value, residual
-from taichi_erosion.evidence.race.blocks import EACH_SET_UP, columns_of, smooth_columns
+from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide_cause, fit_of_decision
 from taichi_erosion.evidence.race.dose_laws import Law
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.record import Interval, Record
@@ -203,7 +203,7 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
     """
     if decision.verdict != "outside_library" or decision.acting_mechanisms:
         return
-    unlisted = {h: p for h, p in posterior.probability.items() if h.extra and h.along != EACH_SET_UP}
+    unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.extra}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=()), race.fits[best])
     for name, column in rows.conditions.items():

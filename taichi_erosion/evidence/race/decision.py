@@ -23,7 +23,6 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
-from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
@@ -64,7 +63,7 @@ def decide_cause(posterior: Posterior) -> Decision:
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
     inclusion = {name: any_acts(posterior, [name]) for name in effects}
     beyond = {name: any_acts(posterior, [name]) for name in mechanisms}
-    outside = sum(p for h, p in posterior.probability.items() if h.extra and h.along != EACH_SET_UP)
+    outside = any_acts(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
     chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
@@ -99,11 +98,10 @@ def decide_cause(posterior: Posterior) -> Decision:
 
 def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict[str, float]:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
-    table = {"none": 0.0, EACH_SET_UP: 0.0, OUTSIDE: 0.0}
+    table = {"none": 0.0, "each_set_up": 0.0, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
         acting = (*hypothesis.names, *(each for each in hypothesis.extra if each in names))
-        unlisted = EACH_SET_UP if hypothesis.along == EACH_SET_UP else OUTSIDE
-        key = "+".join(acting) or (unlisted if hypothesis.extra else "none")
+        key = "+".join(acting or hypothesis.extra or ("none",))
         table[key] = table.get(key, 0.0) + p
     return table
 

@@ -189,7 +189,7 @@ def restart_likeliest_mechanisms(race: Race, usual: Fit, every: Sequence[Dosing]
 
     They are its numbers and doses, and the `usual` numbers with the middle of the range on either side of 0.
     """
-    best = max([fit for h, fit in race.fits.items() if h.extra and h.along != EACH_SET_UP], key=log_weight_of)
+    best = max([fit for h, fit in race.fits.items() if {*h.extra} - {EACH_SET_UP}], key=log_weight_of)
     count, zero = race.model.count, usual.w
     start = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
     for one in [each for each in every if each.axis == (best.hypothesis.along or "all")]:

@@ -18,12 +18,13 @@ from scipy.special import logsumexp
 
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted_blocks
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, columns_of, nuisance, unlisted_blocks
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
 from taichi_erosion.evidence.race.priors import SEED
 
 OUTSIDE = "outside_library"  # what no list holds: its name where a mechanism has its own
+UNLISTED = {OUTSIDE, EACH_SET_UP}
 POOR = 4.0  # misfit a row from which a fit may have gone astray
 STARTS, WIDE = 10, 2.0  # other starts of it for every number, and their sd over that of the prior
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
@@ -43,7 +44,7 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    extra: Acting = ()  # mechanisms, or OUTSIDE alone
+    extra: Acting = ()  # mechanisms, or one of UNLISTED alone
     along: str = ""  # condition with which these act; of something unlisted empty: with all
 
     @property

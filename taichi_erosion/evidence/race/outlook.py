@@ -37,7 +37,7 @@ from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, nuisance, unlisted_blocks
 from taichi_erosion.evidence.race.doses import dosing_of_fit
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import UNLISTED, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.posterior import Posterior, draw_scales
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
@@ -216,7 +216,7 @@ def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses 
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
-    usual, unknown = nuisance(both, mask, unit, priors), OUTSIDE in fit.hypothesis.extra
+    usual, unknown = nuisance(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
     large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:

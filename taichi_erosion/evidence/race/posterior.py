@@ -23,7 +23,7 @@ from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.adequacy import misfit_p_value
 from taichi_erosion.evidence.race.doses import fit_all_mechanisms
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, PRIORS, SEED, Priors
 from taichi_erosion.evidence.race.search import log_prior, search_effect_sets
@@ -175,7 +175,7 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
         if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = fit_with if fit_with.is_optimum else race.optimise_setting(fit_with)
-    return restrict(race, lambda h: h.names == names and {*h.extra} <= {OUTSIDE})
+    return restrict(race, lambda h: h.names == names and {*h.extra} <= UNLISTED)
 
 
 def restrict(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:

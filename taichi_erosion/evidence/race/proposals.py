@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import unscale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, outlook, rows_at
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
@@ -70,10 +70,10 @@ def agrees_with(hypothesis: Hypothesis, true: Hypothesis) -> bool:
 
 
 def name_of_hypothesis(hypothesis: Hypothesis) -> str:
-    """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies."""
+    """`a+b`, `none`, `each_set_up`, `outside_library`; `a(condition)` of a dose that varies."""
     names, extra_names = [*hypothesis.names], "+".join(hypothesis.extra)
     if extra_names:
-        names.append(extra_names if extra_names == OUTSIDE else f"{extra_names}({hypothesis.along})")
+        names.append(extra_names if extra_names in UNLISTED else f"{extra_names}({hypothesis.along})")
     return "+".join(names) or "none"
 
 

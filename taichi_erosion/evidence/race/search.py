@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_weight_of
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 
 
@@ -28,9 +28,9 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     That is a mechanism where the model declares some, or one step more unlikely; of each set-up one more.
     """
     size, others, step = len(hypothesis.names), hypothesis.extra, priors.step
-    size += hypothesis.along == EACH_SET_UP
+    size += EACH_SET_UP in others
     if others:
-        part = step if OUTSIDE in others else (1.0 - step) * step ** (len(others) - 1)
+        part = step if UNLISTED & {*others} else (1.0 - step) * step ** (len(others) - 1)
         return priors.unlisted * (1.0 - step) * step**size * (part if race.prepared.problem.mechanisms else 1)
     if not size:
         return priors.nothing
@@ -81,7 +81,7 @@ def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 def add_unlisted_effect(race: Race, parent: Fit) -> None:
     """A set beside what is not in the list, along all conditions and each, or what set-ups differ in."""
     for along, blocks in race.large.items():
-        hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
+        hypothesis = Hypothesis(parent.hypothesis.names, (along if along == EACH_SET_UP else OUTSIDE,), along)
         if hypothesis not in race.fits and any(block.kind == "unlisted" for block in blocks):
             most, price = 0 if along == EACH_SET_UP else 2, log_prior(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
