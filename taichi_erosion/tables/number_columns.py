@@ -99,7 +99,7 @@ def why_column_is_no_condition(
     if np.isnan(values).any():  # a blank cell may stand for none of it
         tells = any(column_affects_result(np.nan_to_num(values), each, rest) for each in results)
         return "" if tells else "it is not known in every row"
-    whole = bool(np.all(values == np.round(values)))
+    whole = bool(np.all(values == np.round(values))) and not read_heading(heading).unit
     if distinct.size == 1:
         return "it is the same in all rows"
     counts = distinct.size == values.size == 1 + np.ptp(values)
@@ -110,7 +110,7 @@ def why_column_is_no_condition(
         return "it is a result beside the measured quantity"
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
-    is_code = whole and np.ptp(values) == distinct.size - 1 and not read_heading(heading).unit  # of kinds
+    is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
     if same:
         return f"it changes with '{same[0]}' alone"

@@ -352,9 +352,9 @@ def notes_on_condition_errors(measurements: Measurements, table: Table) -> Itera
         count = f"{int(np.sum(sd > 0.0))} of {sd.size} rows"
         yield f"{name}: {count} state its sd, at most {most}; it enters their errors by the model's slope."
         variance = float(np.nanvar(measurements.conditions[name]))
-        share = float(np.mean(np.nan_to_num(sd) ** 2)) / variance if variance > 0.0 else 0.0
+        share = np.mean(np.nan_to_num(sd) ** 2) / variance if variance > 0.0 else 0.0
         if share > ATTENUATION and name not in table.set_conditions:
-            yield f"{name}: what depends on it comes out {min(share, 1.0):.0%} too weak if it was measured."
+            yield f"{name}: slopes along it come out {min(100.0 * share, 100.0):.0f} % too small if measured."
 
 
 def notes_on_unused_columns(table: Table, file: StudyFile) -> Iterator[str]:

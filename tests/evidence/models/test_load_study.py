@@ -137,7 +137,7 @@ def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path, kin
     assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 5e-5))
     notes = "\n".join(study.notes)
     assert "rows state its sd, at most 0.05 mm; it enters their errors" in notes
-    assert ("comes out 11% too weak if it was measured" in notes) == (not kind)
+    assert ("slopes along it come out 11 % too small" in notes) == (not kind)
     errors = condition_errors(comparison_rows(study.problem, study.problem.visible_rows()))
     assert errors.sd["diameter"] == pytest.approx(5e-5)
 
