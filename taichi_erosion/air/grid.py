@@ -210,9 +210,7 @@ def upload_constants(air: Air, setups: Sequence[AirSetup]) -> None:
     """Upload clock, box, fluid and closure constants."""
     numbers = air.numbers
     pairs = [(getattr(numbers, name), [getattr(s, name) for s in setups]) for name in FROM_SETUP]
-    pairs += [
-        (getattr(numbers, name), [getattr(s.constants, name) for s in setups]) for name in FROM_CONSTANTS
-    ]
+    pairs += [(getattr(numbers, key), [getattr(s.constants, key) for s in setups]) for key in FROM_CONSTANTS]
     widths = [[(high - low) / n for low, high, n in zip(s.low, s.high, s.cells, strict=True)] for s in setups]
     pairs += [(numbers.width, widths), (numbers.low, [s.low for s in setups])]
     upload([*pairs, (numbers.driving_gradient, [s.driving_gradient for s in setups])])

@@ -115,9 +115,7 @@ class Run:
         return run_warnings(self.document)
 
     def __repr__(self) -> str:
-        measures = (
-            f"{name} {with_sd_text(each)} {each['unit']}" for name, each in self.document["measures"].items()
-        )
+        measures = (f"{name} {with_sd_text(m)} {m['unit']}" for name, m in self.document["measures"].items())
         return f"Run({self.document['scene']}: {', '.join(measures) or 'no measures'})"
 
     def _repr_html_(self) -> str:

@@ -99,9 +99,7 @@ def calibrate(
 
 def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool) -> None:
     """Raise BadInput where a step would replace a file that no calibration wrote."""
-    pictures = [
-        path.name for name in file.study.targets for path in (file.folder / PICTURES).glob(f"*_{name}.png")
-    ]
+    pictures = [p.name for name in file.study.targets for p in (file.folder / PICTURES).glob(f"*_{name}.png")]
     last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
     for scene in file.scenes if until == STEPS[-1] else []:
         refuse_foreign_file(calibrated_scene_path(file, scene), file.path, force)
@@ -207,12 +205,8 @@ def optimum_document(optimisation: Optimisation) -> Document:
         for optimum in optimisation.optima
     ]
     reach = {name: asdict(one) for name, one in optimisation.reach.items()}
-    return {
-        "optima": optima,
-        "reach": reach,
-        "met": optimisation.is_met,
-        "sentences": list(optimisation.sentences),
-    }
+    verdict = {"met": optimisation.is_met, "sentences": list(optimisation.sentences)}
+    return {"optima": optima, "reach": reach, **verdict}
 
 
 def calibrated_scene_path(file: CalibrationStudy, scene: Path) -> Path:

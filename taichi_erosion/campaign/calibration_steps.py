@@ -255,9 +255,7 @@ def fit_response_surface(runner: DesignRunner, factors: list[designs.Factor]) ->
     design = run_design(runner, "surface", planned)
     full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
     smaller = {name: eliminate_terms(fit) for name, fit in full.items()}
-    return ResponseSurface(
-        design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()}
-    )
+    return ResponseSurface(design, full, {n: fit if fit.terms else full[n] for n, fit in smaller.items()})
 
 
 def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation:

@@ -340,9 +340,7 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
     """What an evidence study lacks in a valid study file, and what it holds that only a calibration reads."""
     if not file.study.measurements:
         yield "study.measurements is missing"
-    yield from (
-        f"parameters.{name}.start is missing" for name, e in file.parameters.items() if isnan(e.start)
-    )
+    yield from (f"parameters.{key}.start is missing" for key, e in file.parameters.items() if isnan(e.start))
     for column, paths in file.conditions.items():
         for path in map(str.strip, paths.split(",")):
             if path in file.parameters:

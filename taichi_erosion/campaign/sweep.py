@@ -69,9 +69,7 @@ def sweep_entry(
     finally:
         close_ledger(ledger)
     rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
-    return [
-        point_of(value, name, row) for name in first.measure for value, row in zip(values, rows, strict=True)
-    ]
+    return [point_of(v, name, row) for name in first.measure for v, row in zip(values, rows, strict=True)]
 
 
 def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
@@ -88,11 +86,8 @@ def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
     notes += [lack["sentence"] for lack in lacks if not lack["stated"]]
     notes += ["; ".join(one["notes"]) for one in measures if one and one["value"] is None]
     numbers = np.array([value for value, _ in values])
-    sd = (
-        float(numbers.std(ddof=1))
-        if len(values) > 1
-        else next((sd for _, sd in values if sd is not None), nan)
-    )
+    own_sd = next((sd for _, sd in values if sd is not None), nan)
+    sd = float(numbers.std(ddof=1)) if len(values) > 1 else own_sd
     unit, mean = next((one["unit"] for one in measures if one), ""), float(numbers.mean()) if values else nan
     return SweepPoint(entry, name, mean, sd, unit, len(values), "; ".join(dict.fromkeys(filter(None, notes))))
 

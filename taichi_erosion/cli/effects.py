@@ -350,7 +350,5 @@ def law_check_points(
             responses = [device_response(mechanism, probe, params_at(mechanism, dose), {}) for dose in doses]
         finally:
             stop_device()
-    settings = [
-        {columns[key][0]: value * columns[key][1] for key, value in each.conditions.items()} for each in parts
-    ]
+    settings = [{columns[key][0]: v * columns[key][1] for key, v in p.conditions.items()} for p in parts]
     return list(zip(settings, doses, responses, strict=True))

@@ -41,6 +41,7 @@ def survey_wind(
     from taichi_erosion.measures.wind_formulas import Sand
     from taichi_erosion.tables.cell_numbers import stated_number
     from taichi_erosion.wind import survey as surveys
+    from taichi_erosion.wind import words
 
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
@@ -53,14 +54,12 @@ def survey_wind(
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
     if files:
-        cost, cores, most = survey.core_minutes(beds), usable_cores(), max(beds, surveys.MOST_BEDS)
-        wall = f"{cost / min(cores, beds):.0f} minutes on {cores} cores"
-        wall += f"; at most {most} beds, {survey.core_minutes(most):.0f} core-minutes" if precision else ""
-        announce(f"{beds} beds, {len(survey.winds)} winds: about {cost:.0f} core-minutes, {wall}")
+        announce(f"{beds} beds, {len(survey.winds)} winds: {words.cost_text(survey, usable_cores())}")
+        announce(words.formula_line(surveys.survey_document(survey, {}, ())))
         with progress_report("wind") as progress:
             for name, document in surveys.run_survey(survey, folder, force, progress):
                 runs[name] = document
-                announce(f"{name}: done in {document['wall_s']:.0f} s")
+                announce(f"{words.run_line(name, document)} after {document['wall_s']:.0f} s")
     answer = surveys.survey_document(survey, runs, files)
     if files:
         from taichi_erosion.measures.result import json_value, without_nan

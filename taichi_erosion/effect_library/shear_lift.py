@@ -36,11 +36,8 @@ class Params:
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica."""
-    return {
-        "free": strength * params.coefficient,
-        "wall": strength * params.wall_coefficient,
-        "range": params.wall_range,
-    }
+    free, wall = strength * params.coefficient, strength * params.wall_coefficient
+    return {"free": free, "wall": wall, "range": params.wall_range}
 
 
 @ti.func

@@ -3,8 +3,9 @@
 The checks: grains are all there, once, with their masses, at finite places; mechanical energy does not grow.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from statistics import fmean
 
 import numpy as np
 
@@ -182,13 +183,25 @@ def failure_message(failure: Failure, seed: int) -> str:
 
 
 def report_progress(report: Report, ensemble: EnsembleRun) -> None:
-    """Report the stage, its time and the rough share done; stages until rest usually end early."""
+    """Report stage, time, thresholds and the rough share done; stages until rest usually end early."""
     shares, names = [], []
     for scene, state in zip(ensemble.scenes, ensemble.states, strict=True):
+        share = 1.0
         if state.active:
-            limits = [stage.duration_max for stage in scene.stages]
-            within = min(ensemble.time - state.began, limits[state.stage])
-            shares.append((sum(limits[: state.stage]) + within) / sum(limits))
+            limits, elapsed = [stage.duration_max for stage in scene.stages], ensemble.time - state.began
+            limit = limits[state.stage]
+            within = limit * state.search.share_done(elapsed) if state.search else min(elapsed, limit)
+            share = (sum(limits[: state.stage]) + within) / sum(limits)
             names.append(scene.stages[state.stage].name)
-    name, share = (names[0], min(shares)) if names else ("measuring", 1.0)
-    report(share * (1.0 - stages.ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")
+        shares.append(share)
+    words = f"{(*names, 'measuring')[0]}, {ensemble.time:.3f} s simulated"
+    words = "; ".join([words, *thresholds_so_far(ensemble.states)])
+    report(fmean(shares) * (1.0 - stages.ROUNDING), words)
+
+
+def thresholds_so_far(states: Sequence[stages.ReplicaState]) -> Iterator[str]:
+    """`fluid_threshold 0.25 m/s in 2 of 3 beds`, of both thresholds u* that searches have bracketed."""
+    brackets = [state.search.brackets for state in states if state.search]
+    for name in ("fluid_threshold", "impact_threshold"):
+        if winds := [each[name].middle for each in brackets if name in each]:
+            yield f"{name} {fmean(winds):.3g} m/s in {len(winds)} of {len(states)} beds"

@@ -15,7 +15,7 @@ threshold nothing happens for long: in a steady wind a trial ends early once the
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import ceil, sqrt
+from math import ceil, log, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -37,6 +37,7 @@ LANDING = 0.4  # of that height, below which they are lifted again [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
 FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
 TRANSPORT = ("start", "fall")  # phases in which grains blow
+USUAL_WATCHES, USUAL_RATIO = 2.0, 0.6  # full watches from rest; last wind of a fall over the fluid threshold
 # measures that ask for the start and the fall
 IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio", "threshold_ratio_linear")
 
@@ -90,6 +91,14 @@ class ThresholdSearch:
     def grains_needed(self) -> int:
         """Number of grains that must leave the bed for it to count as moved."""
         return max(1, ceil(self.scene.threshold.share * self.period.prod() / self.diameter**2 - ROUNDING))
+
+    def share_done(self, elapsed: float) -> float:
+        """Rough share of the cost [1] at a time after the begin [s]: half is from rest, half transport."""
+        settings, last = self.scene.threshold, 0.5 if set(IMPACT) & set(self.scene.measure) else 1.0
+        if self.phase not in TRANSPORT:
+            return last * elapsed / (USUAL_WATCHES * settings.hold + elapsed)
+        fall = self.fluxes[0][0] / self.trial.friction_velocity if self.fluxes else 1.0
+        return 0.5 + 0.5 * min(1.0, log(fall) / log(settings.excess / USUAL_RATIO))
 
 
 def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> ThresholdSearch:

@@ -68,9 +68,7 @@ def anova(fit: Fit) -> list[Row]:
     total = fit.ss_total
     against = (fit.ms_error, fit.df_error)
     rows = [anova_row("Model", total - fit.ss_error, len(fit.terms), *against)]
-    rows += [
-        anova_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
-    ]
+    rows += [anova_row(n, float(ss), 1, *against) for n, ss in zip(fit.names, term_sums(fit), strict=True)]
     rows.append(anova_row("Residual", fit.ss_error, fit.df_error))
     if pure.df:
         lack, lack_df = fit.ss_error - pure.sum_of_squares, fit.df_error - pure.df

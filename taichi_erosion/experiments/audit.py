@@ -336,9 +336,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
             lines[place] = source
     comparisons = []
     for heading, column in columns:
-        cells = [
-            (source, cell) for place, source in lines.items() if (cell := sheet.cell_number(column[place]))
-        ]
+        cells = [(line, cell) for place, line in lines.items() if (cell := sheet.cell_number(column[place]))]
         printed_words, meaning = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
         if printed_words and meaning != printed_words:
             sentence = f"{path.name}: column '{heading}' holds the {meaning.replace('_', ' ')}"

@@ -65,18 +65,14 @@ def model_terms(count: int, order: Order) -> tuple[Term, ...]:
 
 def term_name(term: Term, names: Sequence[str]) -> str:
     """`A`, `A*B`, `A^2`, with the factors' names."""
-    parts = [
-        name if power == 1 else f"{name}^{power}" for name, power in zip(names, term, strict=True) if power
-    ]
+    parts = [n if power == 1 else f"{n}^{power}" for n, power in zip(names, term, strict=True) if power]
     return "*".join(parts) or "1"
 
 
 def term_label(name: str, labels: Mapping[str, str]) -> str:
     """A term's name with labels for the factors, "sliding friction × restitution^2"."""
     words = (factor.partition("^") for factor in name.split("*"))
-    return " \N{MULTIPLICATION SIGN} ".join(
-        labels.get(path, path) + hat + power for path, hat, power in words
-    )
+    return " \N{MULTIPLICATION SIGN} ".join(labels.get(key, key) + hat + power for key, hat, power in words)
 
 
 def lower_order_terms(term: Term) -> set[Term]:

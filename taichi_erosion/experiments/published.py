@@ -194,9 +194,7 @@ def read_sheet(path: Path) -> Sheet:
     cells = read_table_cells(path, str(path), faults)
     if faults or not cells.rows:
         raise BadInput(faults[0] if faults else f"{path}: holds no table")
-    names = [
-        f"{name} ({k + 1})" if name in cells.heading[:k] else name for k, name in enumerate(cells.heading)
-    ]
+    names = [f"{n} ({k + 1})" if n in cells.heading[:k] else n for k, n in enumerate(cells.heading)]
     return Sheet(
         path, {name: [row[k] for _, row in cells.lines] for k, name in enumerate(names)}, cells.decimal_comma
     )
@@ -260,11 +258,8 @@ def usable_number_columns(sheet: Sheet) -> dict[str, Floats]:
         if varies and not counts and role in ("", "result") and meaning_of(heading)[0] not in SCATTER:
             columns[heading] = numbers
     with np.errstate(invalid="ignore"):
-        alike = (
-            np.abs(np.atleast_2d(np.corrcoef(list(columns.values())))) > ONE_LINE
-            if columns
-            else np.zeros((0, 0))
-        )
+        table = list(columns.values())
+        alike = np.abs(np.atleast_2d(np.corrcoef(table))) > ONE_LINE if columns else np.zeros((0, 0))
     usable = {name: column for k, (name, column) in enumerate(columns.items()) if not alike[k, :k].any()}
     return usable if len(usable) > 2 or len(columns) < 3 else columns  # all factors of a climb move together
 

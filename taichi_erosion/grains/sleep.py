@@ -156,10 +156,8 @@ def mark_unsettled_pairs(world_out: ti.template(), r, i):
 def update_sleep_state(world_out: ti.template(), r, i):
     """Put the grain at place i to sleep or wake it, by the steady forces on it."""
     grains_out, frozen, sleep_out = ti.static((world_out.grains, world_out.frozen_drag, world_out.sleep))
-    steady = (
-        frozen.drag_rate[i] * (frozen.air_velocity[i] - grains_out.velocity[i])
-        + frozen.steady_acceleration[i]
-    )
+    drag = frozen.drag_rate[i] * (frozen.air_velocity[i] - grains_out.velocity[i])
+    steady = drag + frozen.steady_acceleration[i]
     deep = steady.norm() < DEEP * world_out.replicas.gravity[r].norm()
     if is_asleep(sleep_out, i):
         if not deep:

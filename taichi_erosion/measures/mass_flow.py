@@ -53,12 +53,8 @@ def mass_flow_rate(
     if missing:
         notes.append(f"{missing:,} grains vanished near the plane and are counted by their speed")
     flow = mean_by_block(name, rate[first:last].tolist(), unit)
-    details = flow.details | {
-        "time": [two.time for _, two in pairs],
-        "rate": rate.tolist(),
-        "steady": [begin, end],
-    }
-    return replace(flow, notes=(*flow.notes, *notes), details=details)
+    details = {"time": [two.time for _, two in pairs], "rate": rate.tolist(), "steady": [begin, end]}
+    return replace(flow, notes=(*flow.notes, *notes), details=flow.details | details)
 
 
 def net_mass_through_plane(

@@ -105,11 +105,15 @@ def friction_velocity_at_zero_flux(trials: Sequence[tuple[float, float]]) -> Bra
 
 
 def ratio(name: str, impact: Measurement, fluid: Measurement) -> Measurement:
-    """Impact over fluid threshold of one bed [1]."""
+    """Impact over fluid threshold of one bed [1], between the ends of their brackets where both have one."""
     if not (impact.n and fluid.n):
         return no_measurement(name, "1", "a threshold is missing")
-    value = impact.value / fluid.value
-    return Measurement(name, value, value * hypot(impact.sd / impact.value, fluid.sd / fluid.value), "1")
+    value, ends, others = impact.value / fluid.value, impact.details, fluid.details
+    details = {}
+    if ends and others:
+        details = {"low": ends["low"] / others["high"], "high": ends["high"] / others["low"]}
+    sd = value * hypot(impact.sd / impact.value, fluid.sd / fluid.value)
+    return Measurement(name, value, sd, "1", details=details)
 
 
 def free_stream(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RATIO) -> float:

@@ -32,9 +32,7 @@ NOTICE_TIME = 6.0  # s after its start, in which the whole viewer shows a notice
 SHOTS = 5  # calls for a picture before it is given up
 ROUNDING = 1e-6  # of a time that the viewer counts in nanoseconds [1]
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
-NO_RENDERER = (
-    "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
-)
+NO_RENDERER = "no software renderer, no viewer: on Debian install mesa-vulkan-drivers and libvulkan1"
 
 
 def viewer_command(port: int, *options: str | Path) -> list[str | Path]:

@@ -265,11 +265,8 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
 
 def device_effects_by_place(world: World) -> dict[str, DeviceEffects]:
     """Effects on the device by place."""
-    return {
-        "pair": world.pair_effects,
-        "first_contact": world.first_contact_effects,
-        "grain": world.grain_effects,
-    }
+    pair, first, grain = world.pair_effects, world.first_contact_effects, world.grain_effects
+    return {"pair": pair, "first_contact": first, "grain": grain}
 
 
 def can_reuse_compiled_effects(before: Simulation, setups: list[Setup]) -> bool:

@@ -21,10 +21,8 @@ def circumstances_of(after: Scene) -> dict[str, float]:
 
     The scene is that after the effects that change it.
     """
-    of_scene = {
-        "grain_diameter": nominal_diameter(after.grains),
-        "adhesion_scale": after.grains.adhesion_scale,
-    }
+    grains = after.grains
+    of_scene = {"grain_diameter": nominal_diameter(grains), "adhesion_scale": grains.adhesion_scale}
     if after.wind is not None:
         of_scene["bed_height"] = bed_surface_height(after, after.wind)
         of_scene["density_ratio"] = after.grain_density / after.wind.density

@@ -356,9 +356,7 @@ def check_sentence(examination: Mapping[str, Any]) -> str:
     """One sentence on the check of a file."""
     subject = f"effect '{examination['effect']}' of {examination['file']}"
     if not examination["breaches"]:
-        return (
-            f"{subject} compiles and keeps the contract of effects (checked in {examination['wall_s']:.1f} s)"
-        )
+        return f"{subject} compiles and keeps the contract of effects ({examination['wall_s']:.1f} s)"
     first, *others = examination["breaches"]
     listed = (
         f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"

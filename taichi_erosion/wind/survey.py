@@ -51,10 +51,13 @@ class Survey:
     precision: float = inf  # of a threshold, to which beds are added: that of its 95 % interval, relative [1]
     precise: str = "fluid_threshold"
 
-    def core_minutes(self, beds: int) -> float:
-        """Estimated cost; a bed is watched for as long whatever its grains, in steps that grow with them."""
-        threshold = THRESHOLD_SECONDS * sqrt(REFERENCE / self.sand.diameter)
-        return (beds * threshold + self.beds * FLUX_SECONDS * len(self.winds)) / 60.0
+    def core_minutes(self, beds: int) -> tuple[float, ...]:
+        """Estimated cost of every scene, with this number of beds for the thresholds.
+
+        A bed is watched for as long whatever its grains, in steps that grow with them.
+        """
+        threshold = beds * THRESHOLD_SECONDS * sqrt(REFERENCE / self.sand.diameter)
+        return *[self.beds * FLUX_SECONDS / 60.0] * len(self.winds), threshold / 60.0
 
     def flux_at(self, wind: float) -> dict[str, Any]:
         """Measured flux in one wind [m s-1], as scenes state it; empty where the table has none."""
@@ -92,14 +95,12 @@ def flux_by_wind(path: Path) -> Fluxes:
         )
     speed = parse_unit(table.units[places[0]] or "m/s").factor
     scaled = ((value_unit_factor(row, "kg/(m s)", str(path)), row) for row in rows)
-    return tuple(
-        (speed * row.conditions[places[0]], k * row.value, k * row.sd, row.source) for k, row in scaled
-    )
+    return tuple((speed * r.conditions[places[0]], k * r.value, k * r.sd, r.source) for k, r in scaled)
 
 
 def survey_scenes(survey: Survey) -> dict[str, str]:
-    """Scene files of a survey by name: thresholds, then the flux in every wind."""
-    winds = {"thresholds": None, **{f"flux_{wind:g}": wind for wind in survey.winds}}
+    """Scene files of a survey by name: the flux in every wind, which takes less, then the thresholds."""
+    winds = {**{f"flux_{wind:g}": wind for wind in survey.winds}, "thresholds": None}
     return {name: survey_scene_text(survey, wind) for name, wind in winds.items()}
 
 
@@ -144,14 +145,15 @@ def run_survey(
     texts = {folder / f"{name}.toml": text for name, text in survey_scenes(survey).items()}
     for path in texts:
         refuse_foreign_file(path, SCENE, force)
+    costs = survey.core_minutes(MOST_BEDS if isfinite(survey.precision) else survey.beds)
     for number, (path, text) in enumerate(texts.items()):
 
-        def part(share: float, words: str, done: int = number, name: str = path.stem) -> None:
-            report((done + share) / len(texts), f"{name}: {words}")
+        def part(share: float, words: str, number: int = number, name: str = path.stem) -> None:
+            report((sum(costs[:number]) + share * costs[number]) / sum(costs), f"{name}: {words}")
 
         make_parent_folder(path)
         write_atomic(path, mark_toml(path, SCENE, text))
-        yield path.stem, run_beds(path, survey, inf if number else survey.precision, part)
+        yield path.stem, run_beds(path, survey, survey.precision if path.stem == "thresholds" else inf, part)
 
 
 def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> dict[str, Any]:
@@ -189,7 +191,7 @@ def survey_document(survey: Survey, runs: Mapping[str, Any], files: Sequence[Pat
     return {
         "sand": {"diameter": sand.diameter, "density": sand.density, "moisture": survey.moisture},
         "winds": list(survey.winds),
-        "core_minutes": survey.core_minutes(survey.beds),
+        "core_minutes": sum(survey.core_minutes(survey.beds)),
         "precision": {survey.precise: survey.precision} if isfinite(survey.precision) else {},
         "fluid_threshold": {source: law(sand) for source, law in FLUID.items()},
         "impact_threshold": {source: law(sand) for source, law in IMPACT.items()},

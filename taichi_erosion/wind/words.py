@@ -9,9 +9,10 @@ from taichi_erosion.evidence.words.run_words import measured_value_texts, run_wa
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.measures.wind_formulas import RANGES
 from taichi_erosion.tables.number_words import plain
-from taichi_erosion.wind.survey import relative_error
+from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_error
 
 Document = Mapping[str, Any]
+THRESHOLDS = ("fluid_threshold", "impact_threshold")
 PATCH = (
     "The fluid threshold is of this patch and watch: the first grain that flies sets off others, so four "
     "times the area or the watch lower it by a tenth; `threshold.landings = false` counts the wind alone."
@@ -19,11 +20,40 @@ PATCH = (
 INTERVAL = ", brackets: 95 % over beds; ±: standard deviation"  # of what is simulated or measured
 
 
+def cost_text(survey: Survey, cores: int) -> str:
+    """`about 13 core-minutes, 7 minutes on 2 cores`; at most how many where a precision is asked for."""
+    beds, most = survey.beds, max(survey.beds, MOST_BEDS)
+    cost, limit = (sum(survey.core_minutes(count)) for count in (beds, most))
+    more = f"; at most {most} beds, {limit:.0f} core-minutes" * isfinite(survey.precision)
+    return f"about {cost:.0f} core-minutes, {cost / min(cores, beds):.0f} minutes on {cores} cores{more}"
+
+
+def formula_line(document: Document) -> str:
+    """`by the formulas: fluid threshold u* 0.243 to 0.252 m/s, ...`, which needs no simulation."""
+    laws = [(f"{quantity(name)} u*", document[name], 1.0, "m/s") for name in THRESHOLDS]
+    fluxes = zip(document["winds"], document["flux"], strict=True)
+    laws += [(f"flux at {wind:g} m/s", by_law, 1e3, "g/(m s)") for wind, by_law in fluxes]
+    parts = []
+    for name, by_law, scale, unit in laws:
+        if known := [scale * value for value in by_law.values() if isfinite(value)]:
+            ends = dict.fromkeys((plain(min(known)), plain(max(known))))
+            parts.append(f"{name} {' to '.join(ends)} {unit}")
+    return f"by the formulas: {', '.join(parts)}"
+
+
+def run_line(name: str, run: Document) -> str:
+    """`flux_0.3: sand flux 12 (10 to 14) g/(m s)`: what a scene of the survey gives."""
+    units = {**dict.fromkeys(THRESHOLDS, (1.0, "m/s")), "flux": (1e3, "g/(m s)")}
+    measures = ((key, run["measures"].get(key), *unit) for key, unit in units.items())
+    parts = (f"{quantity(key)} {interval_text(m, scale)} {unit}" for key, m, scale, unit in measures if m)
+    return f"{name}: {', '.join(parts)}"
+
+
 def threshold_table(document: Document) -> Table:
     """Thresholds u* by source, simulated ones first."""
     measures = document["runs"].get("thresholds", {}).get("measures", {})
     rows = [(quantity(name), "simulated", interval_text(measure)) for name, measure in measures.items()]
-    for name in ("fluid_threshold", "impact_threshold"):
+    for name in THRESHOLDS:
         laws = document[name].items()
         rows += [(quantity(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
     columns = "u* [m/s]; ratio [1]", "by", "value"
@@ -55,7 +85,8 @@ def survey_notes(document: Document) -> Iterator[str]:
     """Comparisons and warnings of all runs, each with its scene, and where formulas do not hold."""
     for name, run in document["runs"].items():
         yield from (f"{name}: {line}" for line in measured_value_texts(run))
-        yield from (f"warning: {name}: {line}" for line in run_warnings(run))
+        lines = (line.replace("--replicas", "--beds") for line in run_warnings(run))
+        yield from (f"warning: {name}: {line}" for line in lines)
     yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():
         if document["runs"] and (off := relative_error(document["runs"]["thresholds"], name)) > share:

@@ -37,13 +37,16 @@ def trial(friction_velocity: float, grains: int = 1) -> Trial:
 
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
     """Search in a bed that rolls, leaves the ramp, leaves from rest and comes to rest at given winds."""
-    search = ThresholdSearch(scene, {}, trial(FIRST))
-    for _ in range(200):
+    search, shares = ThresholdSearch(scene, {}, trial(FIRST)), [0.0]
+    for number in range(200):
         now = search.trial.friction_velocity
+        shares.append(search.share_done(number * scene.threshold.hold))
+        assert shares[-2] <= shares[-1] <= 1.0
         moved = now >= {"ramp": ramp, "hold": leaves, "start": 0.0, "fall": rests}[search.phase]
         search.trial.rolling = np.full(search.grains_needed, now >= rolls)
         next_wind = NEXT_WIND[search.phase](search, moved)
         if next_wind is None:
+            assert "impact_threshold" not in search.brackets or shares[-1] > 0.8
             return search
         search.trial = trial(next_wind)
     raise AssertionError("the search does not end")

@@ -141,9 +141,8 @@ def test_levels_as_signs_or_with_their_code_and_columns_of_programs_are_read(tmp
 def test_a_climb_is_not_judged(tmp_path, capsys):
     steps = np.round(np.array([0.3, 0.06, 0.03]) + np.arange(6.0)[:, None] * [0.05, 0.012, -0.003], 3)
     rows = [[*row, y] for row, y in zip(steps, (28.0, 29.1, 30.2, 31.0, 31.4, 31.2), strict=True)]
-    found = audited(
-        tmp_path, [*"ABC", "angle of repose", "relative error"], rows, (9.7, 6.1, 2.6, 0.0, 1.3, 0.6)
-    )
+    names = [*"ABC", "angle of repose", "relative error"]
+    found = audited(tmp_path, names, rows, (9.7, 6.1, 2.6, 0.0, 1.3, 0.6))
     assert found.table.response == "angle of repose"
     assert {f.kind for f in found.findings} == {"not judged"}
     assert main(["audit", str(tmp_path / "t.csv")]) == 0

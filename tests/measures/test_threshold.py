@@ -68,6 +68,15 @@ def test_lines_and_fluxes_of_several_beds_are_pooled_by_their_mean_for_they_boun
     assert "interval" not in pool_beds(lines[:1]).details
 
 
+def test_beds_with_the_same_ratio_leave_open_what_their_brackets_do():
+    impact, fluid = (threshold_from_bracket("", Bracket(*ends)) for ends in ((0.15, 0.17), (0.24, 0.25)))
+    single = ratio("threshold_ratio", impact, fluid)
+    assert (single.details["low"], single.details["high"]) == pytest.approx((0.6, 0.17 / 0.24))
+    ends = pool_beds([single] * 3).details["interval"]
+    assert (ends["low"] < 0.62, ends["high"] > 0.68) == (True, True)
+    assert ratio("threshold_ratio_linear", threshold_from_line(Bracket(0.15, 0.17)), fluid).details == {}
+
+
 def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_error():
     random = np.random.default_rng(4)
     winds = np.array([0.5, 0.46, 0.42, 0.38, 0.34, 0.3])

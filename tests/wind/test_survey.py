@@ -30,8 +30,8 @@ def measured(tmp_path):
 
 def test_all_scenes_of_a_survey_have_one_sand_one_contact_one_drag_law_and_the_same_forces():
     texts = survey_scenes(Survey(SAND, (0.3, 0.5), 0.01, 4))
-    assert list(texts) == ["thresholds", "flux_0.3", "flux_0.5"]
-    scenes = [tomllib.loads(text) for text in texts.values()]
+    assert list(texts) == ["flux_0.3", "flux_0.5", "thresholds"]
+    scenes = [tomllib.loads(texts[name]) for name in ("thresholds", "flux_0.3", "flux_0.5")]
     for name in ("grains", "contact", "effects", "conditions", "laws", "fill"):
         assert scenes[0][name] == scenes[1][name] == scenes[2][name], name
     assert scenes[0]["wind"]["drag"] == scenes[1]["wind"]["drag"]
@@ -76,10 +76,8 @@ def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, mon
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         name = "fluid_threshold" if "threshold" in table else "flux"
         value = {"value": 0.02, "sd": 0.002, "n": 2, "unit": "", "details": {}, "shortfalls": []}
-        return {
-            **{"measures": {name: value}, "measured": table.get("measured", {}), "wall_s": 1.0},
-            **{"replicas": [], "limits": {"warnings": []}},
-        }
+        rest = {"wall_s": 1.0, "replicas": [], "limits": {"warnings": []}}
+        return {"measures": {name: value}, "measured": table.get("measured", {}), **rest}
 
     monkeypatch.setattr(wind_survey, "run_scene", run)
     folder, (table, _) = tmp_path / "out", measured
@@ -87,9 +85,10 @@ def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, mon
     assert main(words) == 0
     printed = capsys.readouterr()
     assert "core-minutes" in printed.err  # before the runs
-    assert sorted(path.name for path in folder.iterdir()) == sorted(
-        ["thresholds.toml", "flux_0.3.toml", "flux_0.4.toml", "wind.json", "wind.png"]
-    )
+    assert "fluid threshold u* 0.243 to 0.252 m/s, impact threshold u* 0.17 m/s, flux at" in printed.err
+    assert "flux_0.4: sand flux 20.0 ± 2.0 (n = 2) g/(m s) after 1 s" in printed.err
+    files = {"thresholds.toml", "flux_0.3.toml", "flux_0.4.toml", "wind.json", "wind.png"}
+    assert {path.name for path in folder.iterdir()} == files
     document = json.loads((folder / "wind.json").read_text())
     assert document["runs"]["flux_0.4"]["measured"]["flux"]["value"] == pytest.approx(0.021)
     assert "flux_0.3: The sand flux is" in printed.out

@@ -53,10 +53,8 @@ def paths_before_and_after(study: Study, effects: Sequence[str]) -> list[tuple[P
     adopted = adopted_study_path(study.path, effects)
     names = sorted({each.scene for each in study.file.observables.values() if each.scene})
     scenes = [study.path.parent / name for name in names]
-    return [
-        (study.path, adopted),
-        *((scene, scene.with_name(f"{scene.stem}_{adopted.stem}.toml")) for scene in scenes),
-    ]
+    after = [scene.with_name(f"{scene.stem}_{adopted.stem}.toml") for scene in scenes]
+    return [(study.path, adopted), *zip(scenes, after, strict=True)]
 
 
 def refuse_foreign_files(study: Study, effects: Sequence[str], force: bool = False) -> None:

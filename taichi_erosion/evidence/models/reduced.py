@@ -172,12 +172,8 @@ EFFECTS: dict[str, Law] = {
 
 
 OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
-PARAMETERS = {
-    "threshold_coefficient": 0.1,
-    "flux_coefficient": 1.5,
-    "friction_sliding": 0.5,
-    "friction_rolling": 0.1,
-}
+PARAMETERS = {"threshold_coefficient": 0.1, "flux_coefficient": 1.5}
+PARAMETERS |= {"friction_sliding": 0.5, "friction_rolling": 0.1}
 SCATTER = {"threshold_u_star": 0.02, "flux": 0.08, "repose_angle": 0.5}  # of one seed; relative, or deg
 DEFAULT_COLUMNS: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
 GOLDEN, LAST_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(31)  # of splitmix64

@@ -245,9 +245,8 @@ def test_further_seeds_take_the_place_of_the_rows_of_their_set():
 def test_a_mechanism_to_which_fresh_runs_leave_the_sure_share_is_told_alone():
     found = on_function(*MECHANISM)
     left = next(name for name in found.decision.beyond if name not in found.decision.acting_mechanisms)
-    part = FreshPart(
-        "undecided", found.decision.acting_mechanisms, simulated=0.03, rival=(left,), rivals=0.95
-    )
+    names = found.decision.acting_mechanisms
+    part = FreshPart("undecided", names, simulated=0.03, rival=(left,), rivals=0.95)
     assert after_runs(found.decision, part).acting_mechanisms == (left,)
     doubtful = replace(part, simulated=0.4, rivals=0.55)
     assert after_runs(found.decision, doubtful).acting_mechanisms == (left, *found.decision.acting_mechanisms)

@@ -25,10 +25,8 @@ def rivals(*means: list[float], weights: tuple[float, ...] = (), level: float = 
     """Effects `a`, `b`, ... whose outcomes have sd 1 and an error `level` in common."""
     share = weights or (1.0 / len(means),) * len(means)
     covariance = np.eye(len(means[0])) + level**2
-    return [
-        Rival(Hypothesis((chr(97 + k),)), share[k], np.array(mean), covariance)
-        for k, mean in enumerate(means)
-    ]
+    names = (Hypothesis((name,)) for name in "abcdefgh")
+    return [Rival(*each, covariance) for each in zip(names, share, map(np.array, means), strict=False)]
 
 
 @pytest.mark.parametrize("gap", [1.5, 2.5, 4.0])

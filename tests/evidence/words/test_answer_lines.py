@@ -166,11 +166,8 @@ def test_a_comparison_asks_for_an_effect_where_it_fails_as_a_whole_or_in_a_place
 
 def test_proposals_are_told_in_the_units_of_the_table_or_as_none():
     answer = next_answer(group, VOC)
-    assert answer.table.rows[1][:2] == (
-        "threshold friction velocity [cm/s]",
-        "moisture = 0 %, diameter = 200 um",
-    )
-    assert answer.table.rows[1][2] == "31 (29 to 33)"
+    place = "threshold friction velocity [cm/s]", "moisture = 0 %, diameter = 200 um"
+    assert answer.table.rows[1][:3] == (*place, "31 (29 to 33)")
     assert next_answer(null, VOC).lines[0].startswith("One explanation has probability 0.94; measurements")
 
 

@@ -175,9 +175,8 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
 
 def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(tmp_path):
     days = zip(("3.2.2020", "4.2.2020", "4.2.2020", "5.2.2020"), (0, 1, 2, 4), strict=True)
-    text = "Datum;moisture (%);angle of repose (deg);SD\n" + "".join(
-        f"{d};{w};{30 + w};0.5\n" for d, w in days
-    )
+    rows = "".join(f"{d};{w};{30 + w};0.5\n" for d, w in days)
+    text = f"Datum;moisture (%);angle of repose (deg);SD\n{rows}"
     assert measured(tmp_path, text)[0].conditions["day"] == pytest.approx(86400.0 * np.array([0, 1, 1, 2]))
     soils = zip("ABCD", "sand loam loam clay".split(), (2, 9, 14, 22), (0.21, 0.16, 0.14, 0.12), strict=True)
     rows = [f"{s};{t};{c};{d};{w};{30 + w + c / 3:.1f};0.5" for s, t, c, d in soils for w in (0, 2, 4)]
