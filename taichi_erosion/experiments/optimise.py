@@ -140,10 +140,8 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
         point = ends[place]
         predicted = dict[str, Prediction]()
         for fit in fits:
-            low, high = fit.mean_interval(point[None, :])[0]
-            predicted[fit.response] = Prediction(
-                float(fit.predict(point[None, :])[0]), float(low), float(high)
-            )
+            numbers = *fit.predict(point[None, :]), *fit.mean_interval(point[None, :])[0]
+            predicted[fit.response] = Prediction(*map(float, numbers))
         optima.append(Optimum(point, settings_at(fits[0].factors, point), predicted, float(overall[place])))
     return optima
 

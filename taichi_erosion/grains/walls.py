@@ -65,16 +65,9 @@ class Walls:
 def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int = 0, servos: int = 0) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
-    table = arrays(
-        pieces,
-        i32="kind surface",
-        f64="ball_radius",
-        f64x3="corner second third ball_centre",
-        f64x4="profile",
-    )
-    table |= arrays(
-        bodies, i32="material present moving has_moved", f64="sweep", f64x3="shift velocity spin centre"
-    )
+    places, motion = "corner second third ball_centre", "shift velocity spin centre"
+    table = arrays(pieces, i32="kind surface", f64="ball_radius", f64x3=places, f64x4="profile")
+    table |= arrays(bodies, i32="material present moving has_moved", f64="sweep", f64x3=motion)
     table |= arrays(replicas * max(rows, 1), f64x7="table")
     numbers = "target fastest servo_speed servo_reach"
     table |= arrays(bodies, i32="row row_count start_step servo", f64=numbers, f64x3="axis")

@@ -34,10 +34,8 @@ def mass_flow_rate(
     if len(frames) <= LEAST_FRAMES:
         return no_measurement(name, unit, f"{len(frames)} frames of a stage; over {LEAST_FRAMES} are needed")
     pairs = list(pairwise(frames))
-    counted = [
-        net_mass_through_plane(one, two, np.asarray(point), np.asarray(normal), np.asarray(period))
-        for one, two in pairs
-    ]
+    plane = np.asarray(point), np.asarray(normal), np.asarray(period)
+    counted = [net_mass_through_plane(*pair, *plane) for pair in pairs]
     rate = np.array([mass / (b.time - a.time) for (mass, _, _), (a, b) in zip(counted, pairs, strict=True)])
     flowing = np.flatnonzero(rate)
     if not flowing.size:

@@ -146,10 +146,8 @@ def fit_flanks(outline: Outline, grain: float, least_length: float) -> tuple[Fla
     left, right = outline.position < 0.0, outline.position >= 0.0
     window = heights_of_fit_window(float(outline.height.max()), grain)
     bridge = max(1, round(grain / outline.pixel))
-    sides = (
-        (-outline.position[left][::-1], outline.height[left][::-1]),
-        (outline.position[right], outline.height[right]),
-    )
+    x, z = outline.position, outline.height
+    sides = (-x[left][::-1], z[left][::-1]), (x[right], z[right])
     least = max(4, round(least_length / outline.pixel))
     chosen = [flank_columns(distance, height, window, bridge) for distance, height in sides]
     flanks = [

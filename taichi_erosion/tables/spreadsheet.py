@@ -33,6 +33,7 @@ from taichi_erosion.tables.cell_numbers import (
 from taichi_erosion.tables.headings import (
     Heading,
     apply_law,
+    has_word,
     is_summary,
     meaning_of,
     meaning_of_symbol,
@@ -53,6 +54,7 @@ MARK = r"(?:[a-h]{1,4}|[A-H]{1,4}|\*{1,4})?"  # of groups that do not differ; of
 MARKED = re.compile(
     rf"(?P<value>[<>]?\s*{NUMBER})\s*(?P<mark>{MARK})(?P<sd>\s*(?:±|\+/-|\+-)\s*{NUMBER})?\s*(?P<last>{MARK})"
 )
+BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
@@ -307,9 +309,8 @@ def name_blank_repeat_columns(rows: Lines) -> Lines:
             first = k
             continue
         for place in (first, k):
-            names[place] = f"{first_heading.name} {place - first + 1}" + (
-                f" [{first_heading.unit}]" if first_heading.unit else ""
-            )
+            unit = f" [{first_heading.unit}]" if first_heading.unit else ""
+            names[place] = f"{first_heading.name} {place - first + 1}{unit}"
     return [(line, names), *others]
 
 
@@ -336,6 +337,8 @@ def convert_units(cells: Cells) -> Cells:
     notes = []
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
+        if has_word(heading.text, vocabulary()["roles"]["sd"]):
+            content = [BRACKETED.sub(r"\1 ± \2", cell) for cell in content]
         value = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
         matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if value else []
         letters = {sign for match in matches if match for sign in match["mark"] + match["last"]}

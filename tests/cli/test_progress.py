@@ -34,7 +34,5 @@ def test_the_time_that_is_left_follows_from_the_pace_since_the_first_report(monk
         report(0.5, "2 heaps")  # done before, which does not count as pace
         clock[0] += 60.0
         report(0.75, "3 heaps")
-    assert capsys.readouterr().err.splitlines() == [
-        "heaping: 50%, 2 heaps",
-        "heaping: 75%, 3 heaps, about 0:01:00 left",
-    ]
+    lines = ["heaping: 50%, 2 heaps", "heaping: 75%, 3 heaps, about 0:01:00 left"]
+    assert capsys.readouterr().err.splitlines() == lines

@@ -91,10 +91,8 @@ class Kind:
     def simulated_share_of_change(self, mean: Floats, columns: Floats) -> float:
         """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
-        without = (
-            prepared.predictor.mean(setting_at(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
-        )
-        action, white = prepared.whiten(at.mean - without), prepared.whiten(columns)
+        without = prepared.predictor.mean(setting_at(self.race, at)[0], {}, prepared.seeds.fitting)
+        action, white = prepared.whiten(at.mean - without - model.shift), prepared.whiten(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
         return float(1.0 + along @ prepared.whiten(mean - at.mean) / (1.0 + along @ action))
 

@@ -105,9 +105,8 @@ def lack_of_fit_p(race: Race, fit: Fit) -> float:
     """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
     p = race.prepared
     slopes, bad = p.whiten(fit.jacobian), list(fit.evidence.bad)
-    leverage = np.einsum(
-        "ij,ij->i", slopes, np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T).T
-    )
+    gain = np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T)
+    leverage = np.einsum("ij,ji->i", slopes, gain)
     remainder = residual(fit)
     leverage[bad], remainder[bad] = 1.0, 0.0
     return repeat_fit_p(p.rows, p.variance, remainder, leverage)

@@ -66,9 +66,8 @@ def split_rows(
     named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
-    return np.flatnonzero(hidden), split_sentence(
-        len(visible_units), by_group, named, int(hidden.sum()), len(units)
-    )
+    counts = int(hidden.sum()), len(units)
+    return np.flatnonzero(hidden), split_sentence(len(visible_units), by_group, named, *counts)
 
 
 def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:

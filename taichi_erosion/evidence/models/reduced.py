@@ -75,9 +75,8 @@ def liquid_bridge(psi: float, at: Conditions) -> Shift:
     """u*tw = u*td sqrt(1 + 1.21 w^0.68), w [%]; Reference: Fecan et al. (1999), Ann. Geophys. 17, 149."""
     percent = 100.0 * np.maximum(at["moisture"], 0.0)
     bridges = 1.0 - np.exp(-percent / 0.8)
-    return Shift(
-        threshold=0.5 * np.log1p(psi * 1.21 * percent**0.68), repose=psi * 7.0 * bridges / (1.0 + 0.3 * psi)
-    )
+    threshold = 0.5 * np.log1p(psi * 1.21 * percent**0.68)
+    return Shift(threshold=threshold, repose=psi * 7.0 * bridges / (1.0 + 0.3 * psi))
 
 
 def saffman_lift(psi: float, at: Conditions) -> Shift:

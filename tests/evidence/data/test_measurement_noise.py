@@ -125,11 +125,8 @@ def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laborator
     # a row of its own; its sound repeats stay merged
     assert [after.lines[k] for k in np.flatnonzero(after.rows_to_check)] == [(row + 2,)]
     same = {lines: variance for lines, variance in zip(before.lines, before.variance, strict=True)}
-    ratio = [
-        variance / same[lines]
-        for lines, variance in zip(after.lines, after.variance, strict=True)
-        if lines in same
-    ]
+    pairs = zip(after.lines, after.variance, strict=True)
+    ratio = [variance / same[lines] for lines, variance in pairs if lines in same]
     assert ratio == pytest.approx(np.ones(before.size - 1), abs=0.1)
 
 

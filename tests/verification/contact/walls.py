@@ -22,12 +22,8 @@ CELL = 2e-3  # m, edge of the squares that are cut into triangles
 LIMIT: dict[Precision, float] = {"f64": 1e-6, "f32": 1e-4}
 # where the grain comes down, from a corner shared by six triangles [m]; the diagonal runs from corner to
 # corner
-LANDINGS = {
-    "face": (0.7e-3, 0.3e-3),
-    "shared edge": (1.0e-3, 0.0),
-    "diagonal edge": (1.0e-3, 1.0e-3),
-    "corner": (0.0, 0.0),
-}
+LANDINGS = {"face": (0.7e-3, 0.3e-3), "shared edge": (1.0e-3, 0.0)}
+LANDINGS |= {"diagonal edge": (1.0e-3, 1.0e-3), "corner": (0.0, 0.0)}
 FACETS = (60, 120, 240, 480)  # pairs of triangles around the axis
 TURN = 0.7123  # rad, where the grain starts: on no edge and no middle of a facet
 

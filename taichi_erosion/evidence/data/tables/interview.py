@@ -341,14 +341,19 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
 
 
 def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
-    """The columns; one of words that name kinds names set-ups, `crop`, unless it may repeat a condition."""
+    """The columns; one of words that name kinds, `crop`, `moisture` of `dry` and `wet`, names set-ups.
+
+    Not where it may repeat a condition that is there in numbers.
+    """
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
     labels = ["|".join(row[c.place] for c in columns if c.role == "group") for _, row in lines]
     for column in columns:
         words = [row[column.place] for _, row in lines]
-        unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
+        role, name = meaning_of(column.heading.name)
+        unstated = role == "condition" and name not in {each.name for each in settings}
+        unknown = column.role == "remark" and (role == "unknown" or unstated)
         again = len({*zip(words, labels, strict=True)}) == len({*labels})  # the texture of a soil
         kinds = unknown and not column.numeric and not again and are_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):

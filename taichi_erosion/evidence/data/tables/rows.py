@@ -286,6 +286,8 @@ class RowReader:
         counting = column, *self.partners("sd", column), *self.partners("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
+        if sd == 0.0:
+            self.add_fault(line, column, row, "has a scatter of 0: leave it away where it is not known")
         if isnan(sd):  # what the user states
             sd = column.cv * abs(cell.value) or nan
             sd = sd if isnan(column.sd) else column.sd * self.column_unit_factor(line, row, column)

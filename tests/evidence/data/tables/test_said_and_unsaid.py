@@ -173,6 +173,15 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert any(words in each for each in assumed)
 
 
+def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_below_mean_sd_is_one(tmp_path):
+    rows = "".join(f"{w};{d};{30 + d} (0.4)\n" for w in ("dry", "moist", "wet") for d in (2, 3))
+    found, assumed = measured(tmp_path, f"moisture;diameter (mm);angle of repose (deg), mean (SD)\n{rows}")
+    assert (found.sd.tolist(), len({*found.group})) == ([0.4] * 6, 3)
+    assert "column 'moisture' names set-ups: its words are kinds" in assumed
+    with pytest.raises(BadInput, match=r"row 2, .*= '31.0 ± 0.0' has a scatter of 0"):
+        measured(tmp_path, "moisture (%);angle of repose (deg)\n1;31.0 ± 0.0\n2;33.0 ± 0.4\n")
+
+
 def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(tmp_path):
     days = zip(("3.2.2020", "4.2.2020", "4.2.2020", "5.2.2020"), (0, 1, 2, 4), strict=True)
     rows = "".join(f"{d};{w};{30 + w};0.5\n" for d, w in days)
