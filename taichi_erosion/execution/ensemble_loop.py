@@ -194,14 +194,14 @@ def report_progress(report: Report, ensemble: EnsembleRun) -> None:
             share = (sum(limits[: state.stage]) + within) / sum(limits)
             names.append(scene.stages[state.stage].name)
         shares.append(share)
-    words = f"{(*names, 'measuring')[0]}, {ensemble.time:.3f} s simulated"
-    words = "; ".join([words, *thresholds_so_far(ensemble.states)])
-    report(fmean(shares) * (1.0 - stages.ROUNDING), words)
+    now = f"{(*names, 'measuring')[0]}, {ensemble.time:.3f} s simulated"
+    report(fmean(shares) * (1.0 - stages.ROUNDING), "; ".join([now, *thresholds_so_far(ensemble.states)]))
 
 
 def thresholds_so_far(states: Sequence[stages.ReplicaState]) -> Iterator[str]:
-    """`fluid_threshold 0.25 m/s in 2 of 3 beds`, of both thresholds u* that searches have bracketed."""
+    """`fluid threshold 0.25 m/s in 2 of 3 beds`, of both thresholds u* that searches have bracketed."""
     brackets = [state.search.brackets for state in states if state.search]
     for name in ("fluid_threshold", "impact_threshold"):
         if winds := [each[name].middle for each in brackets if name in each]:
-            yield f"{name} {fmean(winds):.3g} m/s in {len(winds)} of {len(states)} beds"
+            share, words = f"{len(winds)} of {len(states)} beds", name.replace("_", " ")
+            yield f"{words} {fmean(winds):.3g} m/s in {share}"

@@ -57,11 +57,10 @@ def draw_flux(frame: Axes, document: Document) -> None:
         flux = [1e3 * flux_by(name, sand, float(wind)) for wind in line_winds]
         frame.plot(sand.air_density * line_winds**2, flux, line, color=INK, lw=1.0, label=name)
     runs = [document["runs"].get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {}) for wind in winds]
-    for label, rows, style in (("measured", document["measured"], "s"), ("simulated", runs, "o")):
+    measured = [("measured", document["measured"], "s", BEFORE)] * any(document["measured"])
+    for label, rows, mark, color in (*measured, ("simulated", runs, "o", AFTER)):
         value, *reach = 1e3 * np.array(list(map(value_and_reaches, rows))).T
-        color, stress = BEFORE if style == "s" else AFTER, sand.air_density * np.square(winds)
-        if any(rows):
-            frame.errorbar(stress, value, reach, fmt=style, color=color, label=label)
+        frame.errorbar(sand.air_density * np.square(winds), value, reach, fmt=mark, color=color, label=label)
     frame.set(xlabel="stress of the wind [Pa]", ylabel="flux [g/(m s)]")
 
 
