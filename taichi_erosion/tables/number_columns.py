@@ -22,11 +22,13 @@ ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
 )
+SURFACE_LAYER = 100.0  # m above the ground, below which the law of the wall holds
 NUMBERED = re.compile(
     r"(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?"
     r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$",
     re.IGNORECASE,
 )
+NumbersByHeading = Mapping[str, Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at its centre alone
 YEARS = (1900.0, 2100.0)
@@ -41,10 +43,12 @@ def stem(heading: str) -> str:
     return NUMBERED.sub("", heading) or heading
 
 
-def is_height(heading: Heading) -> bool:
-    """Whether a column holds heights above the bed at which something was measured."""
+def is_height(heading: Heading, values: Sequence[float]) -> bool:
+    """Whether a column holds heights above the bed at which something was measured, not those of sites."""
     name, unit = plain_words(heading.name), heading.unit
-    return bool(ABOVE.fullmatch(name) and unit) and parse_scale(unit).kind == parse_unit("m").kind
+    if not (ABOVE.fullmatch(name) and unit and parse_scale(unit).kind == parse_unit("m").kind):
+        return False
+    return len({*values}) > 1 and max(values) * parse_scale(unit).factor < SURFACE_LAYER
 
 
 def own_name(heading: str, others: Sequence[str], place: int) -> str:
@@ -55,8 +59,8 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
     text = heading.lower().replace("ß", "ss").replace("<", " below ").replace(">", " above ")
     bare = re.sub(r"(?<=[a-z])[\u0300-\u036f]+", "", unicodedata.normalize("NFKD", text))
     symbol = re.compile(r"(?<![α-ω\u0301])[α-ω](?![α-ω\u0301])")
-    latin = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`
-    latin = symbol.sub(lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), latin)
+    micro = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`
+    latin = symbol.sub(lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), micro)
     signs = (x if f"a{x}".isidentifier() else " " for x in unicodedata.normalize("NFKC", latin))
     plain = re.sub(r"[\s_]+", "_", "".join(signs).strip(" _"))[:40].strip("_")
     plain = plain if plain[:1].isalpha() else f"column_{plain or place + 1}"
@@ -64,10 +68,7 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
 
 
 def non_conditions(
-    columns: Mapping[str, Floats],
-    results: Sequence[Floats],
-    conditions: Mapping[str, Floats],
-    set_ups: np.ndarray,
+    columns: NumbersByHeading, results: Sequence[Floats], conditions: NumbersByHeading, set_ups: Floats
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
@@ -88,7 +89,7 @@ def non_conditions(
 
 
 def why_column_is_no_condition(
-    heading: str, values: Floats, results: Sequence[Floats], others: Mapping[str, Floats], set_ups: Floats
+    heading: str, values: Floats, results: Sequence[Floats], others: NumbersByHeading, set_ups: Floats
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 

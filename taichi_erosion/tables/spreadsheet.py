@@ -199,9 +199,7 @@ def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and checks that no value depends on
-            book, formulas = (
-                openpyxl.load_workbook(io.BytesIO(content), data_only=values) for values in (True, False)
-            )
+            book, formulas = (openpyxl.load_workbook(io.BytesIO(content), data_only=v) for v in (True, False))
     except Exception as error:
         words = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
         raise BadInput(f"{name}: {words}") from None

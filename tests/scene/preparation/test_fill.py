@@ -287,9 +287,8 @@ def test_a_closed_mesh_lets_whole_grains_in_as_a_box_would_at_its_rate(tmp_path:
     box.invert()  # in place
     box.export(tmp_path / "turned.stl")
     mesh = {"scale": 1e-3, "translate": [0.0, 0.0, 0.2]}
-    table = table_of_inlets(
-        {n: {"mesh": mesh | {"file": f"{n}.stl"}, "rate": 2e3} for n in ("box", "turned")}
-    )
+    files = {n: mesh | {"file": f"{n}.stl"} for n in ("box", "turned")}
+    table = table_of_inlets({n: {"mesh": file, "rate": 2e3} for n, file in files.items()})
     scene = parse_scene(table, "s.toml", tmp_path)
     grains, name = replica_setup(scene, 1).grains, scene_hash(scene)
     share = (grains.position - mesh["translate"]) / ([15e-3, 10e-3, 5e-3] - grains.radius[:, None])

@@ -77,9 +77,8 @@ def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
         for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
     )
     # drag applied since the last exchange is not yet subtracted from the residual
-    residual = download_field(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(
-        axis=0
-    )
+    unsettled = download_field(sim.coupling.exchange.residual_momentum)[replica]
+    residual = unsettled.sum(axis=0) - applied.sum(axis=0)
     size = float(np.linalg.norm(momenta, axis=1).sum())
     return GrainMomentum(momenta.sum(axis=0), residual, pressure.sum(axis=0), size)
 

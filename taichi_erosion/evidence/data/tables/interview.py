@@ -130,7 +130,7 @@ def understand_columns(
 def drop_wind_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     """The columns without winds at several heights; these, and winds or fluxes beside heights, are faults."""
     winds = [column for column in columns if not isnan(column.height)]
-    heights = [c for c in columns if is_height(c.heading) and len({n.value for n in reading.numbers(c)}) > 1]
+    heights = [c for c in columns if is_height(c.heading, [n.value for n in reading.numbers(c)])]
     over = {c.name for c in columns if c.role in ("observable", "condition")} & {"flux", *WINDS}
     if len({each.height for each in winds}) > 1 or (heights and (winds or over)):
         names = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))

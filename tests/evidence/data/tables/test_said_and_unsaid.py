@@ -277,6 +277,8 @@ def test_a_profile_is_one_measurement(tmp_path, text):
     assert "roughness length of the bed" not in told
     once = "u*t (m/s);threshold wind at 2 m (m/s);threshold wind at 2 m, z0 known (m/s)\n0.2;5;6\n0.3;7;8\n"
     assert "profile" not in refused(tmp_path, once, roughness="0.03 mm"), "two winds at one height"
+    sites = "".join(f"{z};{u};{40 * u - 7:.0f};1\n" for z in (5, 3800) for u in (0.4, 0.5, 0.6))
+    assert "altitude" in measured(tmp_path, f"Elevation (m);u* (m/s);flux (g/m/s);sd\n{sites}")[0].conditions
 
 
 def test_a_wind_over_beds_of_several_roughness_lengths_gives_the_friction_velocity_of_each(tmp_path):
