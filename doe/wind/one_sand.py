@@ -87,10 +87,8 @@ def starts() -> str:
     for over in np.log(SHOWN):
         power = (np.log(np.log(2.0) / WATCH) - fit[0] - fit[1] * over) / fit[2]
         slope = np.array([1.0, over, power]) / fit[2]
-        error = 1.96 * float(slope @ covariance @ slope) ** 0.5
-        cells.append(
-            "{:.3f} ({:.3f} to {:.3f})".format(*WIND * np.exp([power, power - error, power + error]))
-        )
+        err = 1.96 * float(slope @ covariance @ slope) ** 0.5
+        cells.append("{:.3f} ({:.3f} to {:.3f})".format(*WIND * np.exp([power, power - err, power + err])))
     return markdown_table(STARTS_HEAD, [(str(len(trials)), str(started.sum()), *cells)])
 
 

@@ -246,7 +246,7 @@ def live(
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.api.page import serve_page
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.execution.session import open_session, unused_name
+    from taichi_erosion.execution.session import open_session, unused_path
 
     if effect:
         from taichi_erosion.verification.effect_contract import refuse_unusable_effects
@@ -254,7 +254,7 @@ def live(
         for sentence in output.effect_check_lines(refuse_unusable_effects(effect)):
             typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
-    path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
+    path = record or unused_path(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
     if record and record.exists():
         raise BadInput(f"{record}: exists; name another file, for a session cannot be repeated")
     page = serve_page(session, path.with_suffix(".txt"), threading.Lock(), port) if web else None

@@ -92,8 +92,8 @@ def print_run(document: Record, verbose: bool = False) -> None:
     print_lines(warnings)
     if verbose:
         print_lines(words.run_notes(document), "note: ")
-        typer.echo(words.run_cost_and_origin(document))
-    print_lines(words.next_steps(document))
+        typer.echo(words.cost_and_origin_text(document))
+    print_lines(words.step_texts(document))
 
 
 def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:

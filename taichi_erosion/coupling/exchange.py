@@ -32,7 +32,7 @@ from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import buffer_row, cell_wind, deposit_part, exchange_interval, part_count
 from taichi_erosion.coupling.gather import gather_grain, gather_partition
 from taichi_erosion.grains import World
-from taichi_erosion.grains.partition import barrier, owns_partition
+from taichi_erosion.grains.partition import owns_partition, wait_at_barrier
 from taichi_erosion.grains.sleep import update_sleep_states
 from taichi_erosion.grains.state import side_start
 
@@ -169,12 +169,12 @@ def deposit_and_advance(
     for p in range(replicas_out.partitions[r]):
         if owns_partition(replicas_out, r, p, member, size):
             deposit_part(world_out, coupling_out, r, p)
-    phase = barrier(replicas_out, r, size, phase)
+    phase = wait_at_barrier(replicas_out, r, size, phase)
     if member == 0:
         update_air_loads(world_out, coupling_out, r)
         if advances:
             advance_loaded_column(world_out, coupling_out, r)
-    return barrier(replicas_out, r, size, phase)
+    return wait_at_barrier(replicas_out, r, size, phase)
 
 
 @ti.func
@@ -191,7 +191,7 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
                 gather_partition(world_out, coupling_out, r, p, is_last)
     if ti.static(world_out.has_state):
         # forces read state variables of grains of other partitions
-        phase = barrier(replicas_out, r, size, phase)
+        phase = wait_at_barrier(replicas_out, r, size, phase)
     if ti.static(world_out.sleeps):
         phase = update_sleep_states(world_out, r, member, size, phase)
     return phase

@@ -60,7 +60,7 @@ class MeasureInput:
 
     @property
     def wind_patch(self) -> wind_bed.Patch:
-        return patch_of(self.scene)
+        return wind_patch_of_scene(self.scene)
 
     @property
     def steady_frames(self) -> tuple[Snapshot, ...]:
@@ -159,7 +159,7 @@ class MeasureInput:
         return splash.count_splash_events(self.steady_frames, self.wind_patch, self.scene.gravity.magnitude)
 
 
-def patch_of(scene: Scene) -> wind_bed.Patch:
+def wind_patch_of_scene(scene: Scene) -> wind_bed.Patch:
     """The patch under the wind of a scene that has one."""
     wind = scene.wind
     assert wind is not None
@@ -198,7 +198,7 @@ def measure_of_profile(name: str) -> Callable[[MeasureInput], Measurement]:
     return measure_profile_now
 
 
-def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
+def measure_at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
     return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
 
@@ -218,7 +218,7 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
     "friction_angle": lambda e: wall_loads.peak_friction_angle(e.wall_load, e.axis),
     "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
-    **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
+    **{name: measure_at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
     "dynamic_angle": dynamic_angle_in_drum,
     "sliding_angle": lambda e: drum_and_incline.angle_at_which_grains_slide(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow_rate(
@@ -304,7 +304,7 @@ LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] =
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 
 
-def measure(name: str, state: MeasureInput) -> Measurement:
+def measure_observable(name: str, state: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
     if (kind := state.request.kind) is not None:
         of_kind = (heap.select_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))

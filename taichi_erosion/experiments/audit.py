@@ -291,9 +291,7 @@ def heading_names(text: str) -> list[str]:
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\u2013", "-").strip()
     match = SYMBOL.fullmatch(plain)
     parts = (match["symbol"] or match["behind"], match["rest"] or match["name"]) if match else ()
-    names = (
-        unicodedata.normalize("NFKC", each).casefold() for each in (plain, read_heading(plain).name, *parts)
-    )
+    names = (unicodedata.normalize("NFKC", x).casefold() for x in (plain, read_heading(plain).name, *parts))
     return [re.sub(r"[ *^.\u00b7\u00d7:_\-\u2013]", "", name) for name in names]  # and products alike
 
 

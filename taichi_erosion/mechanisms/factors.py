@@ -52,7 +52,7 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
 
     def change(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
-        after = factor * before if before > 0.0 else friction / contact.rolling_lever
+        after = factor * before if before > 0.0 else friction / contact.rolling_radius_ratio
         return contact.model_copy(update={"friction_rolling": after})
 
     def free(contact: Contact) -> Contact:

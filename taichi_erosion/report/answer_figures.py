@@ -22,8 +22,8 @@ from matplotlib.path import Path as Outline
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.part_words import LIKELY, misfit_places, sure_and_group
-from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
+from taichi_erosion.evidence.words.part_words import LIKELY, sure_and_group, worst_places
+from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, in_words, interval
 from taichi_erosion.report.figure_style import (
     AFTER,
     BEFORE,
@@ -58,7 +58,7 @@ def ranked_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
-    fails = misfit_places(record)
+    fails = worst_places(record)
     pairs = []
     for place in ranked:
         if place in fails or place.observable not in {name for name, _ in pairs}:
@@ -130,14 +130,14 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         for name, label in labels.items():
             values.plot(x, points[name], "_", ms=9.0, mew=1.8, color=MODELS[name], label=label)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
-        for frame, title in ((values, quantity(observable)), (residuals, page_words.RESIDUAL)):
+        for frame, title in ((values, in_words(observable)), (residuals, page_words.RESIDUAL)):
             set_axis_scale(frame, "x", x)
-            frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
+            frame.set_xlabel(heading(in_words(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
         set_axis_scale(values, "y", plotted)
         return figure
 
-    words = {"observable": quantity(observable), "axis": quantity(axis or "rows")}
+    words = {"observable": in_words(observable), "axis": in_words(axis or "rows")}
     caption = page_words.CAPTIONS["rows"].format(**words)
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive_picture(draw, caption, f"rows{number}", texts)
@@ -292,11 +292,11 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     def draw(width: float) -> Figure:
         figure, frame = single_panel(width, PANEL[1])
         draw_intervals(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
-        frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
-        frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
+        frame.set_xlabel(heading(in_words(axis), voc.units.condition_unit(axis)))
+        frame.set_title(heading(f"{change} of the {in_words(name)}", unit), loc="left")
         return figure
 
-    caption = page_words.CAPTIONS["curves"].format(observable=quantity(name), axis=quantity(axis))
+    caption = page_words.CAPTIONS["curves"].format(observable=in_words(name), axis=in_words(axis))
     return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 

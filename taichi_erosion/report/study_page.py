@@ -13,7 +13,7 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, answer_file, read_reply
+from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply, with_adoption
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
@@ -77,7 +77,7 @@ def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     notes = [line for each in answers for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
     if {"discover", "adopt"} <= set(records):
-        records["discover"] = after_adoption(records["discover"], records["adopt"])
+        records["discover"] = with_adoption(records["discover"], records["adopt"])
     page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
     stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))  # the adopted one first

@@ -122,19 +122,19 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
     """The air of one replica, layer by layer; of a grid the means over its columns."""
     air, setup = air_on_device(sim, replica)
 
-    def inner(field: Any) -> Floats:
+    def inside(field: Any) -> Floats:
         return download_field(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
 
-    velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
+    velocity = np.stack([inside(air.velocity_x), inside(air.velocity_y)], axis=1)
     if air.is_column:
-        drag = inner(air.exchange_force)[:, :2] - inner(air.exchange_coefficient)[:, None] * velocity
+        drag = inside(air.exchange_force)[:, :2] - inside(air.exchange_coefficient)[:, None] * velocity
     else:
-        drag = inner(air.impulse)[:, :2] / setup.time_step
+        drag = inside(air.impulse)[:, :2] / setup.time_step
     return AirProfile(
         face=np.asarray(setup.faces_z),
         velocity=velocity,
-        void_fraction=inner(air.void_fraction),
-        eddy_viscosity=inner(air.eddy_face),
+        void_fraction=inside(air.void_fraction),
+        eddy_viscosity=inside(air.eddy_face),
         drag=drag,
         lift=download_field(sim.coupling.exchange.pressure_lift)[replica],
     )

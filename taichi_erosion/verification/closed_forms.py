@@ -23,7 +23,7 @@ from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.change import sample_scene
-from taichi_erosion.simulation import advance, assemble, failure, snapshot
+from taichi_erosion.simulation import advance, assemble, failure_of, snapshot
 from taichi_erosion.verification.claims import PRECISIONS, Ladder, Outcome, Precision, below, holds, relative
 
 GRAVITY = 9.81  # m s-2
@@ -63,7 +63,7 @@ def sample_states(
         advance(sim, row.tolist())
         rows.append([snapshot(sim, replica) for replica in range(len(setups))])
     for replica in range(len(setups)):
-        if fault := failure(sim, replica):
+        if fault := failure_of(sim, replica):
             raise RuntimeError(f"replica {replica} stopped: {fault}")
     return list(zip(*rows, strict=True))
 

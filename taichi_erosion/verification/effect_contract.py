@@ -358,7 +358,5 @@ def check_sentence(examination: Mapping[str, Any]) -> str:
     if not examination["breaches"]:
         return f"{subject} compiles and keeps the contract of effects ({examination['wall_s']:.1f} s)"
     first, *others = examination["breaches"]
-    listed = (
-        f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"
-    )
-    return f"{subject} breaks the contract of effects: {first}{f' (and {listed})' if others else ''}"
+    rest = f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"
+    return f"{subject} breaks the contract of effects: {first}{f' (and {rest})' if others else ''}"

@@ -22,10 +22,10 @@ from scipy import special
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, Progress
-from taichi_erosion.evidence.data.transforms import slope, to_scale, unscale
+from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
 from taichi_erosion.evidence.emulator.design import Setting, StudyScene, design_seed, distinct_conditions
-from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, request_points
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, runs_left
+from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, inputs_of_request
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, runs_left_by_cap
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, mean_over_finite_seeds
 from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, study_value
@@ -134,7 +134,7 @@ class FreshSimulator:
         for seeds in range(times * self.seeds, 0, -1):
             flat = [(point, request) for point in points for request in self.point_runs(point, seeds)]
             keys = frozenset(request.key for _, request in flat)
-            if len(keys - self.stored_keys) <= runs_left(self.training):
+            if len(keys - self.stored_keys) <= runs_left_by_cap(self.training):
                 results = execute_requests(self.training, [request for _, request in flat], progress)
                 results_by_point: dict[Point, list[RunResult]] = {point: [] for point in points}
                 for (point, _), result in zip(flat, results, strict=True):
@@ -230,12 +230,12 @@ class SettingRows:
         for each in self.rows:
             readings, errors = self.values_and_errors_of_row(each)
             scale = each.emulator.scale
-            values[:, each.row] = to_scale(each.observable, unscale(scale, readings))
-            mean = unscale(scale, mean_over_finite_seeds(readings[:, np.newaxis]))
+            values[:, each.row] = to_scale(each.observable, from_scale(scale, readings))
+            mean = from_scale(scale, mean_over_finite_seeds(readings[:, np.newaxis]))
             steepness = np.nan_to_num(slope(each.observable, mean) / slope(scale, mean))
             columns[each.row, points.index(each.point(self.setting)), : errors.size] = errors * steepness
         names = dict.fromkeys(each.observable.name for each in self.rows)
-        tests = {name: self.test([r for r in self.rows if r.observable.name == name]) for name in names}
+        tests = {name: self.gap_test([r for r in self.rows if r.observable.name == name]) for name in names}
         tests_by_name = {name: test for name, test in tests.items() if test is not None}
         return FreshRuns(values, columns.reshape(shape[1], -1), tests_by_name)
 
@@ -246,7 +246,7 @@ class SettingRows:
         errors = np.linalg.cholesky(self.scatter[point[0]].covariance)[row.place]
         return readings, errors / np.sqrt(max(int(np.isfinite(readings).sum()), 1))
 
-    def test(self, rows: Sequence[TestedRow]) -> GapTest | None:
+    def gap_test(self, rows: Sequence[TestedRow]) -> GapTest | None:
         """Whether the emulator of one observable is off by more than its stated error; None without runs."""
         first: dict[Point, TestedRow] = {}
         for row in rows:
@@ -258,7 +258,7 @@ class SettingRows:
         at = {path: np.array([row.at[path] for row in tested]) for path in tested[0].at}
         acting = [self.setting.at(row.at)[0] for row in tested]
         effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
-        inputs = request_points(emulator.inputs, at, self.setting.parameters, effects)
+        inputs = inputs_of_request(emulator.inputs, at, self.setting.parameters, effects)
         pairs = [self.values_and_errors_of_row(row) for row in tested]
         mean = np.array([mean_over_finite_seeds(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])
@@ -267,6 +267,6 @@ class SettingRows:
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
         p = float(special.fdtrc(gap.size, self.scatter[tested[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
-        sizes = unscale(emulator.scale, np.array([emulated[worst], mean[worst]]))
+        sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
         return GapTest(p, tested[worst].row, *map(float, (sizes[0], sd[0], sizes[1], sd[1])))

@@ -196,10 +196,10 @@ def add_refinement_round(
 
 def has_room_for_round(training: TrainingRuns, about: Sequence[Setting]) -> bool:
     """Whether the study's cap has room for a further round."""
-    return training.plan_size.round * len(about) * len(training.scenes) <= runs_left(training)
+    return training.plan_size.round * len(about) * len(training.scenes) <= runs_left_by_cap(training)
 
 
-def runs_left(training: TrainingRuns) -> int:
+def runs_left_by_cap(training: TrainingRuns) -> int:
     """Runs that the study's cap leaves beside those planned."""
     return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.other_runs
 

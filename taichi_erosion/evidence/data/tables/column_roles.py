@@ -105,7 +105,7 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
     named = names_by_column(cells, options, faults)
-    columns = [user_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
+    columns = [set_unit_of(column_from(cells, place, named), options) for place in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
         if not column.firm and column.numeric and (alone := meaning_of_only_angle(column.heading)):
@@ -122,7 +122,7 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     return roles
 
 
-def user_unit(column: Column, options: TableOptions) -> Column:
+def set_unit_of(column: Column, options: TableOptions) -> Column:
     """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
@@ -167,7 +167,7 @@ def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> d
     return name_of
 
 
-def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
+def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
     content = [row[place] for _, row in cells.lines if not is_missing(row[place])]
@@ -292,7 +292,7 @@ class Interview:
             self.assumptions.append(meaning)
 
 
-def refuse_other(answer: str, what: str, allowed: Collection[str]) -> None:
+def refuse_other_answer(answer: str, what: str, allowed: Collection[str]) -> None:
     """Raise BadInput for an answer that is not among the allowed ones."""
     if answer not in allowed:
         raise BadInput(f"{what}: '{answer}' is not one of {', '.join(allowed)}")

@@ -33,7 +33,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     in_unit,
     parse_roughness_length,
     physical_range_of_column,
-    refuse_other,
+    refuse_other_answer,
     set_user_sd,
 )
 from taichi_erosion.scene.physical_ranges import plausible_units
@@ -80,7 +80,7 @@ class Reading:
     faults: list[str]
     bed: Column | None = None  # that states the roughness length of each row
 
-    def fault(self, column: Column, words: str) -> Column:
+    def reject(self, column: Column, words: str) -> Column:
         """The column, not used, once what is wrong with it is told."""
         self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
         return replace(column, role="remark", firm=True)
@@ -169,7 +169,7 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
         return wind_to_friction_velocity(column, reading, measured)
     if column.role == "spread":
         question = f"Column '{text}': " + ", ".join(f"{key} = {words}" for key, words in SPREADS.items())
-        check = partial(refuse_other, what=f"column '{text}'", allowed=SPREADS)
+        check = partial(refuse_other_answer, what=f"column '{text}'", allowed=SPREADS)
         answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}", check)
         return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), firm=True)
     return ask_unknown_column(column, reading)
@@ -201,7 +201,7 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
         why = f"{changed}: {remedy}; if it is that,"
-    return reading.fault(column, f"{why} {advice}; {UNUSED}")
+    return reading.reject(column, f"{why} {advice}; {UNUSED}")
 
 
 def column_as_answered(column: Column, reading: Reading, answer: str) -> Column:
@@ -230,7 +230,7 @@ def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) 
     check = partial(parse_roughness_length, height=height)
     answer = reading.options.roughness or ("" if bed else reading.interview.choice(question, "", "", check))
     if not answer and bed is None:
-        return reading.fault(
+        return reading.reject(
             column,
             f"a wind at {height:g} m is no friction velocity; give the roughness length of the bed to `study "
             "new`, --roughness '0.008 mm' (flat sand: grain diameter / 30), a column 'z0 [mm]', or one of u*",
@@ -262,7 +262,7 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
         if used:
             earlier.setdefault(column.name, column.heading.text)
-        yield reading.fault(column, wrong) if wrong else column
+        yield reading.reject(column, wrong) if wrong else column
 
 
 def column_meaning_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
@@ -293,7 +293,7 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
-        return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
+        return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
     based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"
@@ -353,7 +353,7 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
         kinds = unknown and not column.numeric and not again and are_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
-            column = reading.fault(column, f"{why} it repeats '{both}'")
+            column = reading.reject(column, f"{why} it repeats '{both}'")
         elif kinds:
             reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words are kinds")
             column = replace(column, role="group")
@@ -476,4 +476,4 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
         return in_unit(column, answer)
     unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
     unit_words += f", {hint}" * several
-    return reading.fault(column, unit_words) if units else column
+    return reading.reject(column, unit_words) if units else column
