@@ -84,7 +84,7 @@ class Page:
         return f"http://{LOOPBACK}:{self.port}/{self.token}/"
 
     @property
-    def tunnel(self) -> str:
+    def tunnel_hint(self) -> str:
         """How to reach it from another machine."""
         here = f"{self.port}:{LOOPBACK}:{self.port}"
         return f"from another machine: ssh -L {here} THIS_MACHINE, then the same address"

@@ -125,9 +125,9 @@ class RaceResult(Result):
 
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""
-        from taichi_erosion.report.study_page import first_figure
+        from taichi_erosion.report.study_page import worst_place_figure
 
-        return first_figure(self.reply)
+        return worst_place_figure(self.reply)
 
 
 @dataclass(frozen=True, repr=False)

@@ -197,7 +197,7 @@ class LiveSession:
 
     def _repr_html_(self) -> str:
         frame = f'<iframe src="{self.page.address}" width="100%" height="{PAGE_HEIGHT}"></iframe>'
-        return frame + result_html("", [self.page.tunnel], [])
+        return frame + result_html("", [self.page.tunnel_hint], [])
 
 
 def wait_for_turn(method: Callable[..., Any]) -> Callable[..., Any]:

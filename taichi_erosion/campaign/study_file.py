@@ -396,7 +396,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
         if last not in table or table[last] != value:
             table[last] = value
             is_inline = isinstance(table, InlineTable)  # a comment would hide its end
-            set_comment(table[last], "" if is_inline else note)
+            set_entry_comment(table[last], "" if is_inline else note)
         result = tomlkit.dumps(document)
         if toml_entry(result, path) == value:
             return result
@@ -405,7 +405,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
     raise BadInput(f"{'.'.join(path)}: could not be set to {value!r} in the file; set it by hand")
 
 
-def set_comment(item: Any, note: str) -> None:
+def set_entry_comment(item: Any, note: str) -> None:
     """Replace the comment beside an entry; an empty note removes it."""
     item.trivia.comment, item.trivia.comment_ws = (f"# {note}", "  ") if note else ("", "")
 

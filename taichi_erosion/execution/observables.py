@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect_file import EffectFile, error_text, execute_text, line_of, read_effect_file
+from taichi_erosion.core.effect_file import EffectFile, error_text, execute_effect, line_of, read_effect_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
@@ -200,7 +200,7 @@ def measure_of_profile(name: str) -> Callable[[MeasureInput], Measurement]:
 
 def measure_at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
-    return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
+    return lambda state: wall_loads.value_at_peak(name, state.wall_load, state.axis, state.area)
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
@@ -215,7 +215,7 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "runout_radius": lambda e: heap.runout_radius(e.heap_snapshot, e.base_height),
     "column_height": lambda e: heap.settled_column_height(e.heap_snapshot, e.base_height),
     "wall_force": lambda e: wall_loads.mean_force_along_axis(e.wall_load, e.axis),
-    "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
+    "wall_torque": lambda e: wall_loads.mean_torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
     "friction_angle": lambda e: wall_loads.peak_friction_angle(e.wall_load, e.axis),
     "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
     **{name: measure_at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
@@ -331,7 +331,7 @@ def measure_observable(name: str, state: MeasureInput) -> Measurement:
 @lru_cache
 def load_measure_file(file: EffectFile) -> tuple[str, Callable[..., Any]]:
     """Unit and function of a file, which is executed once. Raises BadInput where one is missing."""
-    module = execute_text(file, REMEDY)
+    module = execute_effect(file, REMEDY)
     unit, function = getattr(module, "UNIT", None), getattr(module, "measure", None)
     if not isinstance(unit, str) or not callable(function):
         raise BadInput(f"{file}: is no measure; {REMEDY}")

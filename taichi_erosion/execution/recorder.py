@@ -16,8 +16,8 @@ from taichi_erosion.execution.ensemble_loop import EnsembleRun
 from taichi_erosion.execution.grain_fields import present_grain_fields
 from taichi_erosion.execution.observables import wind_patch_of_scene
 from taichi_erosion.execution.stages import count_whole_intervals
-from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.measures.silhouette import draw_silhouette, largest_connected_body
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.air_recording import log_grain_fields, log_height_profile
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
@@ -152,7 +152,7 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
         log_height_profile(recorder.recording, air.velocity[:, 0], air.face)
         patch = wind_patch_of_scene(scene)
         values = {
-            "flux": flux_of(now, patch),
+            "flux": flux_of_frame(now, patch),
             "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
             "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
         }
@@ -232,7 +232,7 @@ def heap_silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Pictu
     for azimuth in np.unique(lines[:, 0]):
         turn = float(np.radians(azimuth))
         silhouette = draw_silhouette(state.position[above], state.radius[above], turn, 0.0, grain)
-        mask = largest_body(silhouette.image)
+        mask = largest_connected_body(silhouette.image)
         columns = np.flatnonzero(mask.any(axis=0))
         ends = lines[lines[:, 0] == azimuth][:, 1:].reshape(-1, 2, 2)
         column = (ends[..., 0] - silhouette.left) / silhouette.pixel - columns[0]

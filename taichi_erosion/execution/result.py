@@ -48,7 +48,7 @@ from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution.checks import comparable
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message
-from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
+from taichi_erosion.measures.result import Measurement, as_record, json_value, nan_to_none
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import is_checkpoint
 from taichi_erosion.scene.schema.air import AirScene
@@ -185,7 +185,7 @@ def versions_of_dependencies() -> dict[str, str]:
 
 def write_document_or_warn(record: Path, document: dict[str, Any]) -> None:
     """Write the document beside its recording as strict JSON; a refusal of the disk becomes a warning."""
-    text = json.dumps(without_nan(document), indent=1, default=json_value, allow_nan=False)
+    text = json.dumps(nan_to_none(document), indent=1, default=json_value, allow_nan=False)
     try:
         write_atomic(record.with_suffix(".json"), (text + "\n").encode())
     except BadInput as error:

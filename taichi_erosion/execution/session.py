@@ -1,10 +1,10 @@
 """Interactive session: one replica of a scene, advanced, changed and asked by calls.
 
-    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, set_entry
+    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, change_entry
 
     session = open_session("scenes/funnel_repose.toml")
     run_for_seconds(session, 0.5)
-    set_entry(session, "contact.soil-soil.friction_rolling", "0.3")
+    change_entry(session, "contact.soil-soil.friction_rolling", "0.3")
     run_for_seconds(session, 0.5)
     print(measure_now(session))
 
@@ -243,7 +243,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     simulation.set_replica_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and effective.wind is not None:
         simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
-        simulation.set_through_flow(sim, 0, effective.wind.through_flow)
+        simulation.set_upflow(sim, 0, effective.wind.through_flow)
     state = {} if changed & {"effects", "conditions"} else None
     if state is not None:
         effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))

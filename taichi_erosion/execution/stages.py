@@ -90,7 +90,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     if stage.friction_velocity is not None:
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
-        simulation.set_through_flow(sim, replica, stage.through_flow)
+        simulation.set_upflow(sim, replica, stage.through_flow)
     if stage.until == "threshold":
         state.search = begin_search(sim, scene, replica, time)
 

@@ -68,7 +68,7 @@ class Structure:
     cells: tuple[Cell, ...] = ()  # each restores the design alone
 
     @property
-    def sole_cell(self) -> Cell | None:
+    def sole_restoring_cell(self) -> Cell | None:
         """The cell that restores the design, if there is only one."""
         return self.cells[0] if len(self.cells) == 1 else None
 
@@ -229,7 +229,7 @@ def orthogonality_findings(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = change_cell(table.coded, structure.sole_cell)
+    coded = change_cell(table.coded, structure.sole_restoring_cell)
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
@@ -349,7 +349,7 @@ def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, 
     words = word_meaning("quantities", heading)
     shares = {
         quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells] or [0.0]))
-        for quantity in published.vocabulary()["quantities"]
+        for quantity in published.anova_vocabulary()["quantities"]
     }
     best = max(shares, key=lambda quantity: shares[quantity])
     is_better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(words, 0.0)

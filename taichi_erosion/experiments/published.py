@@ -139,7 +139,7 @@ LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 
 
 @cache
-def vocabulary() -> dict[str, dict[str, list[str]]]:
+def anova_vocabulary() -> dict[str, dict[str, list[str]]]:
     """Words of columns, of lines and quantities of an analysis of variance."""
     return tomllib.loads((files("taichi_erosion.experiments") / "vocabulary.toml").read_text("utf-8"))
 
@@ -148,7 +148,7 @@ def word_meaning(kind: str, text: str) -> str:
     """What the words of a heading mean; empty for others. A number may follow the word of a column."""
     plain = plain_words(text)
     plain = plain if kind != "columns" else re.sub(r" ?\d.*", "", plain) or plain
-    return next((meaning for meaning, words in vocabulary()[kind].items() if plain in words), "")
+    return next((meaning for meaning, words in anova_vocabulary()[kind].items() if plain in words), "")
 
 
 @dataclass(frozen=True)

@@ -117,11 +117,11 @@ def kick_and_drift_body(world_out: ti.template(), r, b, kick):
     torque = force
     for k in range(clumps_out.number[b]):
         sphere = r * grains.capacity + clumps_out.first[b] + k
-        part, moment = take_sphere_force(
+        part, turn = take_sphere_force(
             world_out, r, clumps_out.rank[sphere], frame @ clumps_out.offset[sphere]
         )
         force += part
-        torque += moment
+        torque += turn
     dt = ti.cast(world_out.replicas.time_step[r], ti.f64)
     gravity = ti.cast(world_out.replicas.gravity[r], ti.f64)
     clumps_out.velocity[b] = clumps_out.velocity[b] + (force * clumps_out.mass_inverse[b] + gravity) * kick

@@ -74,15 +74,15 @@ def flights_of(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: fl
         flying = frame.position[grain, 2] > patch.clear
         turned = began is not None and frame.velocity[grain, 2] > 0.0 >= frames[k - 1].velocity[grain, 2]
         if began is not None and (not flying or turned):
-            yield flight(grain, (frames[began], frames[k - 1]), patch, gravity)
+            yield flight_between(grain, (frames[began], frames[k - 1]), patch, gravity)
             began = None
         if flying and began is None:
             began = k
     if began is not None:
-        yield flight(grain, (frames[began], frames[-1]), patch, gravity)
+        yield flight_between(grain, (frames[began], frames[-1]), patch, gravity)
 
 
-def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
+def flight_between(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
     speeds = [
         (
             float(frame.velocity[grain, 0]),

@@ -38,7 +38,7 @@ from taichi_erosion.report.figure_style import (
     panels,
     responsive_picture,
     set_axis_scale,
-    single_panel,
+    single_panel_figure,
 )
 from taichi_erosion.tables.number_words import heading
 
@@ -54,7 +54,7 @@ LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
 
-def ranked_places(record: Record) -> list[tuple[str, str]]:
+def rank_failing_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
@@ -163,10 +163,10 @@ def draw_points(frame: Axes, points: pd.DataFrame) -> None:
         frame.plot(x, y, gid=f"rows:measured#{kind}", **style)
 
 
-def label_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
+def labelled_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
     """Frame with a line for every label, the first on top, and their heights."""
     names = [fill(label, int(LETTERS * width)) for label in labels]
-    figure, frame = single_panel(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
+    figure, frame = single_panel_figure(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
     at = np.arange(len(names), dtype=np.float64)[::-1]
     frame.set_yticks(at, names)
     frame.set_ylim(-0.6, len(names) - 0.4)
@@ -184,7 +184,7 @@ def posterior_picture(record: Record) -> Picture:
     bars = list(page_words.explanations_by_probability(record))
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, [label for label, *_ in bars])
+        figure, frame, at = labelled_chart(width, [label for label, *_ in bars])
         colours = [CONTROL if label in EXPLANATIONS.values() else AFTER for label, *_ in bars]
         frame.barh(at, [p for _, p, _ in bars], 0.62, color=colours)
         for y, (_, p, text) in zip(at, bars, strict=True):
@@ -201,7 +201,7 @@ def strength_picture(record: Record) -> Picture:
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, [name for name, _ in parts])
+        figure, frame, at = labelled_chart(width, [name for name, _ in parts])
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for y, (name, part) in zip(at, parts, strict=True):
             if name in acting_names or part.probability > LIKELY:
@@ -266,7 +266,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
         x = np.array([voc.units.condition(axis, dose.conditions[axis]) for dose in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
-            figure, frame = single_panel(width, PANEL[1])
+            figure, frame = single_panel_figure(width, PANEL[1])
             draw_intervals(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
@@ -290,7 +290,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     ]
 
     def draw(width: float) -> Figure:
-        figure, frame = single_panel(width, PANEL[1])
+        figure, frame = single_panel_figure(width, PANEL[1])
         draw_intervals(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
         frame.set_xlabel(heading(in_words(axis), voc.units.condition_unit(axis)))
         frame.set_title(heading(f"{change} of the {in_words(name)}", unit), loc="left")
@@ -310,7 +310,7 @@ def misfit_picture(record: Record) -> Picture:
         steps[f"control: {vault.wrong_effect}"] = np.nan, vault.chi2_per_row_wrong_effect
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, list(steps))
+        figure, frame, at = labelled_chart(width, list(steps))
         fitted, unseen = np.array(list(steps.values())).T
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for values, face in ((fitted, INK), (unseen, PAPER)):

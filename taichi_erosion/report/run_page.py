@@ -63,7 +63,7 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "replicas": document["replicas"],
         "figure_of_measures": measure_picture(document),
         "pictures": list(run_pictures(document, source)),
-        "facts": list(facts_for_repeat(document)),
+        "facts": list(reproduction_facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
 
@@ -113,7 +113,7 @@ def run_pictures(document: Document, source: Path) -> Iterator[Picture]:
             yield Picture(description, picture_address(file))
 
 
-def facts_for_repeat(document: Document) -> Iterator[tuple[str, str]]:
+def reproduction_facts(document: Document) -> Iterator[tuple[str, str]]:
     """Time step, inputs and versions, for a repeat."""
     limits = document.get("limits", {})
     if limits:

@@ -114,9 +114,9 @@ def folder_of(study: Path) -> Path:
     return results_folder(study, read_evidence_study(study))
 
 
-def first_figure(reply: Reply) -> Figure:
+def worst_place_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
-    place = figures.ranked_places(reply.record)[0]
+    place = figures.rank_failing_places(reply.record)[0]
     return figure_with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
@@ -133,7 +133,7 @@ def answer_page(
     leading = records[lead]
     sentences = {name: answer(records[name], voc) for name, answer in ANSWERS.items() if name in records}
     parts = page_words.page_lines(sentences, lead)
-    panels = figures.ranked_places(leading)  # the worst first
+    panels = figures.rank_failing_places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     causes = list[Picture]()  # what explains the measurements
     if "discover" in sentences:

@@ -261,7 +261,7 @@ def computed_number_problems(scene: Scene) -> Iterator[str]:
             )
 
 
-def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
+def air_faults(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene of air alone whose entries are right one by one."""
     yield from observable_problems(scene.measure, observables)
     yield from list(air_box_contradictions(scene.air)) or roughness_and_step_problems(scene)

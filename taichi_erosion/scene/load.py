@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
-from taichi_erosion.scene.checks import air_checks, scene_contradictions
+from taichi_erosion.scene.checks import air_faults, scene_contradictions
 from taichi_erosion.scene.paths import set_value_by_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
@@ -103,7 +103,7 @@ def load_air_scene(
 ) -> AirScene:
     """Validated scene of air alone of a TOML file."""
     name = one_line_name(path)
-    return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_checks(scene, observables))
+    return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_faults(scene, observables))
 
 
 def is_air_scene(path: Path) -> bool:

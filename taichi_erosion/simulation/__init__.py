@@ -21,9 +21,4 @@ from taichi_erosion.simulation.readback import (
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
 from taichi_erosion.simulation.scene_setup import device_effects, effective_scene, prepare
-from taichi_erosion.simulation.wind_driver import (
-    air_profile,
-    friction_velocity,
-    set_through_flow,
-    spin_up_wind,
-)
+from taichi_erosion.simulation.wind_driver import air_profile, friction_velocity, set_upflow, spin_up_wind

@@ -58,9 +58,7 @@ def upload_grain_tables(world: World, setups: list[Setup]) -> None:
     grains = [s.grains for s in setups]
     bodies = [np.arange(len(s.grains.radius)) if s.clumps is None else s.clumps.body for s in setups]
     names = ("position", "velocity", "spin", "radius", "material")
-    columns = [
-        (getattr(source, name), join_padded([getattr(g, name) for g in grains], rows)) for name in names
-    ]
+    columns = [(getattr(source, n), join_padded([getattr(g, n) for g in grains], rows)) for n in names]
     columns.append((source.mass_inverse, join_padded([1.0 / g.mass for g in grains], rows)))
     steps = [np.ceil(s.grains.release_time / s.time_step - 1e-9).clip(0) for s in setups]
     columns.append((source.release_step, join_padded(steps, rows)))

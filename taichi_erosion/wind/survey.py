@@ -160,14 +160,14 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     """Run a scene; groups of beds with fresh seeds follow, up to MOST_BEDS, until a threshold is precise."""
     count, beds, most = 0, survey.beds, MOST_BEDS if isfinite(precision) else survey.beds
 
-    def part(share: float, words: str) -> None:
+    def report_part(share: float, words: str) -> None:
         report((count + share * beds) / max(most, beds), words)
 
-    document = run_scene(path, RunOptions(no_record=True, progress=part))
-    while (count := count + beds) < MOST_BEDS and relative_error(document, survey.precise) > precision:
+    document = run_scene(path, RunOptions(no_record=True, progress=report_part))
+    while (count := count + beds) < MOST_BEDS and relative_half_width(document, survey.precise) > precision:
         seed, beds = document["seed"] + count, min(survey.beds, MOST_BEDS - count)
         with suppress(SimulationStopped):  # of all beds of a group, which then adds nothing
-            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=part))
+            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report_part))
             replicas = [*document["replicas"], *more["replicas"]]
             document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
             for name in document["measures"]:  # shortfalls belong to sets of beds
@@ -177,7 +177,7 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     return document
 
 
-def relative_error(document: Mapping[str, Any], name: str) -> float:
+def relative_half_width(document: Mapping[str, Any], name: str) -> float:
     """Distance of a threshold from the further end of its 95 % interval [1]; few beds are close by chance."""
     measure = document["measures"].get(name, {"n": 0})
     if measure["n"] < LEAST_BEDS or not (ends := measure["details"].get("interval")):

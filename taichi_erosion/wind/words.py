@@ -9,7 +9,7 @@ from taichi_erosion.evidence.words.run_words import measured_value_texts, run_wa
 from taichi_erosion.evidence.words.vocabulary import in_words
 from taichi_erosion.measures.wind_formulas import RANGES
 from taichi_erosion.tables.number_words import plain
-from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_error
+from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_half_width
 
 Document = Mapping[str, Any]
 THRESHOLDS = ("fluid_threshold", "impact_threshold")
@@ -20,7 +20,7 @@ PATCH = (
 INTERVAL = ", brackets: 95 % over beds; ±: standard deviation"  # of what is simulated or measured
 
 
-def cost_text(survey: Survey, cores: int) -> str:
+def survey_cost_text(survey: Survey, cores: int) -> str:
     """`about 13 core-minutes, 7 minutes on 2 cores`; at most how many where a precision is asked for."""
     beds, most = survey.beds, max(survey.beds, MOST_BEDS)
     cost, limit = (sum(survey.core_minutes(count)) for count in (beds, most))
@@ -41,7 +41,7 @@ def formula_line(document: Document) -> str:
     return f"by the formulas: {', '.join(parts)}"
 
 
-def run_line(name: str, run: Document) -> str:
+def run_result_line(name: str, run: Document) -> str:
     """`flux_0.3: sand flux 12 (10 to 14) g/(m s)`: what a scene of the survey gives."""
     units = {**dict.fromkeys(THRESHOLDS, (1.0, "m/s")), "flux": (1e3, "g/(m s)")}
     measures = ((key, run["measures"].get(key), *unit) for key, unit in units.items())
@@ -89,7 +89,7 @@ def survey_notes(document: Document) -> Iterator[str]:
         yield from (f"warning: {name}: {line}" for line in lines)
     yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():
-        if document["runs"] and (off := relative_error(document["runs"]["thresholds"], name)) > share:
+        if document["runs"] and (off := relative_half_width(document["runs"]["thresholds"], name)) > share:
             yield f"warning: {in_words(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
     if document["sand"]["moisture"] > 0.0:
         yield "The formulas are those of dry sand."

@@ -17,7 +17,7 @@ from taichi_erosion.api.prompt import execute_line
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.observables import wind_patch_of_scene
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.simulation import snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -258,8 +258,8 @@ def test_grains_fly_when_the_wind_is_raised(tmp_path):
     send(page, "set wind.friction_velocity 0.05")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    calm = flux_of(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
+    calm = flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
     send(page, "set wind.friction_velocity 1.0")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    assert flux_of(snapshot(session.sim, 0), wind_patch_of_scene(session.scene)) > 3.0 * abs(calm)
+    assert flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene)) > 3.0 * abs(calm)

@@ -17,7 +17,7 @@ from taichi_erosion.execution import session as live
 from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import wind_patch_of_scene
 from taichi_erosion.execution.recorder import present_walls
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.recording.readback import component_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
@@ -275,7 +275,7 @@ SMALL_PATCH = tuple(
 
 
 def flux(session) -> float:
-    return flux_of(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
+    return flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
 
 
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:

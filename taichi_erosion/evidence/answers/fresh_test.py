@@ -34,12 +34,7 @@ import numpy as np
 from taichi_erosion.evidence.data.comparison_rows import condition_groups
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
 from taichi_erosion.evidence.emulator.design import Setting
-from taichi_erosion.evidence.emulator.fresh_runs import (
-    MOST_CONDITIONS,
-    FreshCampaign,
-    FreshRuns,
-    FreshSimulator,
-)
+from taichi_erosion.evidence.emulator.fresh_runs import MOST_SETS, FreshCampaign, FreshRuns, FreshSimulator
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
@@ -279,8 +274,8 @@ def simulate_untrained_rows(
         counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
         return counting.simulate_settings([point], requests, np.ones(row_numbers.size), progress)
 
-    for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
-        simulate_rows(np.concatenate(sets[first : first + MOST_CONDITIONS]))
+    for first in range(0, len(sets), MOST_SETS):  # together; what follows finds them in the ledger
+        simulate_rows(np.concatenate(sets[first : first + MOST_SETS]))
     for cell_rows in sets:
         if runs := (campaign := simulate_rows(cell_rows)).runs:
             mean[cell_rows], keys = runs[0].row_means, keys | campaign.keys

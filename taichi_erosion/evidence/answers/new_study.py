@@ -56,9 +56,9 @@ from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
     KINDS,
-    best_word,
+    longest_word,
     meaning_of,
-    qualifiers,
+    qualifying_words,
     read_heading,
     suggest_meaning,
     unit_in,
@@ -139,7 +139,9 @@ def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal:
     content = closed_form_study_content(request) if wishes.closed_form else scene_study_content(request)
     titles = {each.heading.name: each.name for each in measured.columns if each.name in content.observables}
     codes = {titles.get(name, name): text for name, text in wishes.between_codes.items()}
-    content = replace(content, shared={name: shared_error(name, codes[name], content) for name in codes})
+    content = replace(
+        content, shared={name: shared_error_entry(name, codes[name], content) for name in codes}
+    )
     for name, text in wishes.measured.items():
         content = replace(content, parameters=set_measured_numbers(content.parameters, name, text))
     files = StudyFiles(
@@ -161,7 +163,7 @@ def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal:
     }
 
 
-def shared_error(name: str, text: str, content: Content) -> str:
+def shared_error_entry(name: str, text: str, content: Content) -> str:
     """Entry of the error that all rows of an observable share with another code. Raises BadInput."""
     if name not in content.observables or name not in OBSERVED:
         raise BadInput(f"--between-codes {name}: is none of {', '.join(content.observables)}")
@@ -243,7 +245,7 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
 
 def path_of_tidy_column(column: Column, options: TableOptions) -> str:
     """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
-    if qualifiers(column.heading)[0]:
+    if qualifying_words(column.heading)[0]:
         return ""
     unknown = options.reads is not None and not suggest_meaning(column.name)  # residuals are tested along it
     return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
@@ -280,7 +282,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for heading in (column.heading for column in table.columns if column.unread):
-            if heading.unit in GRAIN_UNITS and not best_word(heading.name, *KINDS, "roles", "others")[0]:
+            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")

@@ -151,10 +151,12 @@ def predict_new_rows(
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = coverage(forecast(posterior, joint_rows(posterior.race, vault)).below(), ~vault.censored)
+        held_out = interval_coverage(
+            forecast(posterior, joint_rows(posterior.race, vault)).share_below(), ~vault.censored
+        )
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
-        fitted=coverage(leave_one_out_shares(posterior), ~fitted.censored),
+        fitted=interval_coverage(leave_one_out_shares(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for h, p in posterior.probability.items() if {*h.extra} - {EACH_SET_UP}),
         outdated=(),
@@ -212,7 +214,7 @@ def conditions_out_of_range(
             yield name, scale.to_unit_of_table(end)
 
 
-def coverage(below: Floats, counted: Bools) -> CheckPart:
+def interval_coverage(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
     shares = below[counted & np.isfinite(below)]
     inside = int(np.sum(np.abs(shares - 0.5) <= 0.5 * SHARE))

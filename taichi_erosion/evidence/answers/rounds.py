@@ -111,7 +111,7 @@ def probability_of_sets(posterior: Posterior) -> Mapping[Acting, float]:
     return dict(sorted(probabilities.items(), key=lambda each: -each[1]))
 
 
-def closest(race: Race, names: Acting) -> Fit:
+def closest_fit(race: Race, names: Acting) -> Fit:
     """The likeliest fit with exactly some effects and mechanisms."""
     return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=log_joint)
 
@@ -135,7 +135,9 @@ def likeliest_explanation_points(inference: StudyInference) -> Points:
     if not has_open_question(inference.decision) or len(plausible) < 2:
         return []
     race = inference.posterior.race
-    return inference.points_at(*(closest(race, names) for names in sorted(plausible[:MOST_POINTS], key=bool)))
+    return inference.points_at(
+        *(closest_fit(race, names) for names in sorted(plausible[:MOST_POINTS], key=bool))
+    )
 
 
 def points_before_unlisted_verdict(inference: StudyInference) -> Points:
@@ -143,7 +145,7 @@ def points_before_unlisted_verdict(inference: StudyInference) -> Points:
     if inference.decision.verdict != "outside_library":
         return []
     race, share = inference.posterior.race, probability_of_sets(inference.posterior)
-    fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
+    fits = [closest_fit(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
         return inference.points_at(*dosed[:MOST_POINTS])
     optima = [[f for f in race.effect_sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]

@@ -13,7 +13,7 @@ from typing import Any
 
 import tomlkit
 
-from taichi_erosion.campaign.study_file import set_comment
+from taichi_erosion.campaign.study_file import set_entry_comment
 from taichi_erosion.evidence.data.tables.column_roles import AIR
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
@@ -289,7 +289,7 @@ def set_scene_entry(document: Any, path: Sequence[str], value: Any) -> None:
         inline.update(value)
         value = inline
     holder[last] = value
-    set_comment(holder[last], "")
+    set_entry_comment(holder[last], "")
 
 
 def paths_of_place(template: Template, place: str) -> str:

@@ -121,7 +121,9 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.number_draws, posterior.race.model, posterior.race.bare
     sd, numbers = np.sqrt(np.diag(bare.setting_covariance)), {}
-    before = np.array([model.in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
+    before = np.array(
+        [model.numbers_in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
+    )
     least, most = (model.axis_numbers(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.parameter_axes):
         now = weighted_interval(values[:, j], weight)

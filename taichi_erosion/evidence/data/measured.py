@@ -42,7 +42,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import days_since_first
 from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
-from taichi_erosion.tables.spreadsheet import Cells, convert_units, read_table_cells
+from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
@@ -104,7 +104,7 @@ def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return convert_units(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+    return apply_number_laws(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
 def dates_as_days(cells: Cells, interview: Interview) -> Cells:

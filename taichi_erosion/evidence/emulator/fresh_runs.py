@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from scipy import special
 
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of_scene
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
@@ -31,7 +31,7 @@ from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, mean_over_fi
 from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, study_value
 
 SETTINGS = 3  # the explanation that is told, its runner-up, the bare model
-MOST_CONDITIONS = 12  # sets of conditions of one scene at which an answer is tested
+MOST_SETS = 12  # sets of conditions of one scene at which an answer is tested
 
 Request = tuple[Observable, Integers, Conditions]  # of a predictor: observable, its rows, their conditions
 Point = tuple[Path, tuple[str, ...]]  # a scene with all that is set in it
@@ -149,7 +149,7 @@ class FreshSimulator:
         return FreshCampaign((), keys, 0)
 
     def rows_of_largest_weight(self, requests: Sequence[Request], weight: Floats) -> list[TestedRow]:
-        """Rows of the sets of conditions that weigh most, `MOST_CONDITIONS` of every scene, as asked."""
+        """Rows of the sets of conditions that weigh most, `MOST_SETS` of every scene, as asked."""
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
         tested: list[TestedRow] = []
         for observable, rows, conditions in requests:
@@ -164,7 +164,7 @@ class FreshSimulator:
         chosen: set[int] = set()
         for group in groups.values():
             ranked = sorted(group.values(), key=lambda rows: -float(weight[rows].sum()))
-            chosen |= {row for rows in ranked[:MOST_CONDITIONS] for row in rows}
+            chosen |= {row for rows in ranked[:MOST_SETS] for row in rows}
         return [each for each in tested if each.row in chosen]
 
     def point_runs(self, point: Point, seeds: int) -> list[RunRequest]:
@@ -174,7 +174,9 @@ class FreshSimulator:
         simulator = self.training.simulator
         try:
             built = simulator.load_scene_at(scene, words)
-            return [request_of(built, design_seed(key, n), device=simulator.device) for n in range(seeds)]
+            return [
+                request_of_scene(built, design_seed(key, n), device=simulator.device) for n in range(seeds)
+            ]
         except BadInput:
             return []
 
@@ -208,8 +210,8 @@ def most_test_runs(training: TrainingRuns, seeds: int) -> int:
     """Most runs that the test of an answer takes: those of the bare model do not depend on all conditions."""
     count = 0
     for scene in training.scenes:
-        bare = min(len(distinct_conditions(scene, ())), MOST_CONDITIONS)
-        count += bare + (SETTINGS - 1) * min(len(scene.rows), MOST_CONDITIONS)
+        bare = min(len(distinct_conditions(scene, ())), MOST_SETS)
+        count += bare + (SETTINGS - 1) * min(len(scene.rows), MOST_SETS)
     return count * seeds
 
 

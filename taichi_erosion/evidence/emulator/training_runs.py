@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign.execute import run_requests
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of_scene
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -319,7 +319,7 @@ def runs_to_make(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReq
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
             scene = training.simulator.load_scene_at(run.scene, words)
-            requests.append(request_of(scene, run.seed, device=training.simulator.device))
+            requests.append(request_of_scene(scene, run.seed, device=training.simulator.device))
         except BadInput as error:
             if not run.effects:
                 raise

@@ -109,14 +109,12 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
         yield Block("group", "", masks.astype(np.float64), one_scale("group", cauchy=2.0 * near))
 
 
-def label_masks(
-    rows: ComparisonRows, is_known: Bools, labels: Sequence[str]
-) -> tuple[Floats, tuple[str, ...]]:
+def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> tuple[Floats, tuple[str, ...]]:
     """A mask for each label of each observable that has several rows of it and others too.
 
     A label of no known row has one too: what is known of the others says how large it may be.
     """
-    columns, names, label = [], [], np.array(labels)
+    columns, names, label = [], [], np.array(tags)
     for index, observable in enumerate(rows.observables):
         mask = rows.which == index
         count = int(np.sum(mask & is_known))

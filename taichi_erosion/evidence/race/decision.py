@@ -65,7 +65,9 @@ def decide_cause(posterior: Posterior) -> Decision:
     beyond = {name: any_acts(posterior, [name]) for name in mechanisms}
     outside = any_acts(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
-    group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
+    group = smallest_group(
+        posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2
+    )
     chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:
@@ -77,7 +79,7 @@ def decide_cause(posterior: Posterior) -> Decision:
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     single = sound if refuted or named else inclusion | sound
-    leading = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
+    leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
         verdict = "outside_library"
@@ -140,14 +142,14 @@ def any_acts(posterior: Posterior, names: Iterable[str]) -> float:
     return sum(p for h, p in posterior.probability.items() if subset & h.acting)
 
 
-def smallest(
-    posterior: Posterior, names: Sequence[str], alone: dict[str, float], most: int
+def smallest_group(
+    posterior: Posterior, names: Sequence[str], p: dict[str, float], most: int
 ) -> tuple[str, ...]:
     """The fewest of some effects, likeliest first, of which one acts with SURE; none if more are needed."""
-    ranked = sorted(names, key=lambda name: -alone[name])
+    ranked = sorted(names, key=lambda name: -p[name])
     for count in range(1, most + 1):
         if any_acts(posterior, ranked[:count]) >= SURE:
-            return tuple(name for name in ranked[:count] if alone[name] > KEEP)
+            return tuple(name for name in ranked[:count] if p[name] > KEEP)
     return ()
 
 

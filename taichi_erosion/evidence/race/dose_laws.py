@@ -27,7 +27,7 @@ import scipy
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.decision import Decision, fit_of_decision
-from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of_fit, on_axis
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dose_to_axis, dosing_of_fit
 from taichi_erosion.evidence.race.fit import Fit, Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, PRIORS, SEED
@@ -107,7 +107,9 @@ class FittedForm:
 
     def doses(self, numbers: Floats | None = None) -> Floats:
         """Doses of all rows, on their axis, by default for the best numbers."""
-        return on_axis(self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers))
+        return dose_to_axis(
+            self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers)
+        )
 
     def best_numbers(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""

@@ -33,7 +33,7 @@ FIRST, THEN = 4, 14  # steps with the scales at their priors, so that no level t
 Seen = tuple["Dosing", Fit, Floats]  # mechanisms, a fit from which they start, and their doses there
 
 
-def on_axis(dose: Floats) -> Floats:
+def dose_to_axis(dose: Floats) -> Floats:
     """Doses on their axis."""
     return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
@@ -58,7 +58,7 @@ class Dosing:
     def dose_range_on_axis(self) -> Floats:
         """Range (2, m n) of the doses on their axis."""
         ends = [[max(each.low, LEAST_DOSE), each.high] for each in self.mechanisms]
-        return np.repeat(on_axis(np.array(ends, dtype=np.float64).T), self.factor.shape[0], axis=1)
+        return np.repeat(dose_to_axis(np.array(ends, dtype=np.float64).T), self.factor.shape[0], axis=1)
 
     @cached_property
     def factors(self) -> Floats:

@@ -82,7 +82,7 @@ class RaceModel:
         pairs = zip(self.prepared.parameter_axes, v, strict=True)
         return np.array([parameter_axis_position(axis, float(z), self.priors) for axis, z in pairs])
 
-    def in_units(self, v: Floats) -> Floats:
+    def numbers_in_units(self, v: Floats) -> Floats:
         """Calibrated numbers in their units."""
         pairs = zip(self.prepared.parameter_axes, self.axis_numbers(v), strict=True)
         return np.array([value_on_axis(axis, float(x)) for axis, x in pairs])

@@ -192,7 +192,7 @@ class Forecast:
             quantiles.append(Interval(float(middle), float(low), float(high)))
         return quantiles
 
-    def below(self) -> Floats:
+    def share_below(self) -> Floats:
         """Share of one more measurement that lies below each measured value (m,)."""
         return self.weight @ special.ndtr((self.rows.z - self.centre) / self.new_value)
 

@@ -92,7 +92,7 @@ class Posterior:
     @cached_property
     def number_draws(self) -> tuple[Floats, Floats]:
         """Calibrated numbers (m, p) in their units, and weights (m,)."""
-        count, unit_values = self.race.model.count, self.race.model.in_units
+        count, unit_values = self.race.model.count, self.race.model.numbers_in_units
         values = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
         return values, np.concatenate([each.weight for each in self.draws])
 

@@ -325,14 +325,14 @@ def cubic_lattice(fill: Lattice) -> Floats:
     radius, half = fill.radius - margin, 0.5 * fill.length - margin
     steps = int((fill.radius + fill.length) / fill.pitch) + 1
     line = np.arange(-steps, steps + 1) * fill.pitch
-    points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in box_of(fill)], indexing="ij"), axis=-1)
+    points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in half_box(fill)], indexing="ij"), axis=-1)
     points = points.reshape(-1, 3)
     along = points @ axis
     inside = (np.linalg.norm(points - along[:, None] * axis, axis=1) <= radius) & (np.abs(along) <= half)
     return np.asarray(points[inside] + np.array(fill.centre), dtype=np.float64)
 
 
-def box_of(fill: Lattice) -> Vector:
+def half_box(fill: Lattice) -> Vector:
     """Half sides of the box around a cylinder [m]."""
     x, y, z = (
         abs(c) * 0.5 * fill.length + sqrt(max(1.0 - c * c, 0.0)) * fill.radius for c in unit_vector(fill.axis)
@@ -351,7 +351,7 @@ def highest_start(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Bed):
         return float(saved_bed(scene, fill, scene.run.seed)["position"][:, 2].max()) + reach_largest
     if isinstance(fill, Lattice):
-        return fill.centre[2] + box_of(fill)[2] + reach_largest
+        return fill.centre[2] + half_box(fill)[2] + reach_largest
     if isinstance(fill, Layers):
         assert scene.periods_xy is not None
         along, across = places_per_layer(scene.periods_xy, fill)

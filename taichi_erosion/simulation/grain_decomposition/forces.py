@@ -44,7 +44,7 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
     if near == 1:
         load_pair_to_lane(world_out, batch, 0, base, -1)
         evaluate_pair_law(world_out.laws, batch, 0, world_out.replicas.time_step[r])
-        acts = store_pair(world_out, buffers_out, batch, r, base, place)
+        acts = store_pair_force(world_out, buffers_out, batch, r, base, place)
         size, rank = overlap_length_scale(batch, 0), batch.owner[0]
         if is_overlap_too_deep(world_out.replicas, r, batch.overlap[0], size):
             note_overlap(world_out, buffers_out, r, rank, batch.partner[0], batch.overlap[0] / size, rank)
@@ -55,7 +55,9 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
 
 
 @ti.func
-def store_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place):
+def store_pair_force(
+    world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place
+):
     """Keep force and torques of an evaluated pair; returns 1 where there are any, else 0."""
     e, acts = batch.entry[0], batch.acts[0]
     force = 0.0 * lane(batch.force, 0)

@@ -190,7 +190,9 @@ def copy_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti
 
 
 @ti.func
-def clear_reverse(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+def clear_reverse_list(
+    world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank
+):
     """Empty the reverse list of a grain."""
     buffers_out.partners[r * world_out.grains.capacity + rank] = 0
 
@@ -302,7 +304,7 @@ def release_grains_at_start(world_out: ti.template()):
 def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     """Stages of a rebuild of the replicas that need one: tasks side by side, with their threads a replica."""
     grains, cells, chunks = world.grains.capacity, world.cells.capacity, buffers.cell_chunks
-    survey = ((release_in_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_reverse, grains))
+    survey = ((release_in_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_reverse_list, grains))
     tasks = ((prepare_sort, 1), (count_in_cell, grains), (count_in_chunk, chunks), (set_cell_starts, chunks))
     sort = (((put_in_cell, grains),), ((sort_one_cell, cells), (drop_removed, 1)), ((copy_to_place, grains),))
     lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))

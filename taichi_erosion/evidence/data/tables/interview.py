@@ -27,10 +27,10 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Interview,
     TableOptions,
     can_be_of_any_size,
+    column_in_unit,
     columns_with_roles,
     condition_name_of_path,
     friction_velocity_ratio,
-    in_unit,
     parse_roughness_length,
     physical_range_of_column,
     refuse_other_answer,
@@ -46,14 +46,14 @@ from taichi_erosion.tables.headings import (
     WINDS,
     has_word,
     heading_holds_value,
-    is_summary,
+    is_summary_word,
+    known_words,
     meaning_of,
     plain_words,
-    vocabulary,
     word_length,
 )
 from taichi_erosion.tables.number_columns import follows, is_height, non_conditions, own_name, ranges_of, stem
-from taichi_erosion.tables.spreadsheet import Cells, are_kinds
+from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
@@ -197,7 +197,7 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
-    remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
+    remedy = known_words()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
         why = f"{changed}: {remedy}; if it is that,"
@@ -280,7 +280,7 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
     if physical_range_of_column(column) or column.name in options.own_units:
         return ""
     no_place = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
-    return f"{no_place}; places: {', '.join(vocabulary()['conditions'])}"
+    return f"{no_place}; places: {', '.join(known_words()['conditions'])}"
 
 
 def check_column_unit(column: Column, reading: Reading) -> Column:
@@ -294,7 +294,7 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
         return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
-    based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
+    based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"
         reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
@@ -350,7 +350,7 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
         words = [row[column.place] for _, row in lines]
         unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
         again = len({*zip(words, labels, strict=True)}) == len({*labels})  # the texture of a soil
-        kinds = unknown and not column.numeric and not again and are_kinds(words, alike)
+        kinds = unknown and not column.numeric and not again and do_words_name_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
             column = reading.reject(column, f"{why} it repeats '{both}'")
@@ -395,7 +395,7 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
         repeats |= {column.place for column in family[1:]}
         numbered |= {column.place for column in family}  # `n = 2` is the number of one
         for column in columns:  # of the repeats beside it
-            sums_up = any(map(is_summary, plain_words(column.heading.name).split()))  # `mean angle`
+            sums_up = any(map(is_summary_word, plain_words(column.heading.name).split()))  # `mean angle`
             if column.name == family[0].name and column not in family and sums_up:
                 means.add(column.place)
                 reading.interview.assume(f"column '{column.heading.text}' is not used: {BESIDE}")
@@ -448,7 +448,7 @@ def find_or_ask_unit(column: Column, reading: Reading) -> Column:
         return column
     behind = next((number.unit for number in numbers if number.unit), "")
     if unit := behind or reading.options.own_units.get(column.name, ""):
-        return in_unit(column, unit)
+        return column_in_unit(column, unit)
     return assume_or_ask_unit(column, [number.value for number in numbers], reading)
 
 
@@ -459,7 +459,9 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
         share = max(values, default=0.0) <= MOST_SHARE
         usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
         meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
-        return in_unit(column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning))
+        return column_in_unit(
+            column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
+        )
     allowed, measured = physical_range_of_column(column), column.role == "observable"
     if allowed is None or not values:
         return column
@@ -467,13 +469,13 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
     if not several and all(map(allowed.is_usual, values)):
         unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
-        return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
+        return column if allowed.unit in PURE_UNITS else column_in_unit(column, allowed.unit)
     units = ["UNIT"] if several else plausible_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
     hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
     question = f"Unit of column '{text}' ({span}; {hint})"
     if answer := interview.choice(question, "", ""):
-        return in_unit(column, answer)
+        return column_in_unit(column, answer)
     unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
     unit_words += f", {hint}" * several
     return reading.reject(column, unit_words) if units else column

@@ -41,7 +41,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, are_kinds, word_of_summary_row
+from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds, word_of_summary_row
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -400,7 +400,7 @@ class RowReader:
     def has_numbered_rows(self) -> bool:
         """Whether the set-ups of a laboratory's own table number its rows, `P 1`, `P 2`."""
         labels = ["".join(each[c.place] for c in self.columns_with("group")) for _, each in self.cells.lines]
-        return not self.tidy and len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
+        return not self.tidy and len({*labels}) == len(labels) and not do_words_name_kinds(labels, alike=True)
 
     def source_of_row(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
