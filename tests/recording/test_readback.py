@@ -20,12 +20,12 @@ import os, signal, sys
 from pathlib import Path
 from recorded_heaps import MOVING, header, heap_snapshot
 from taichi_erosion.recording.export import export_vtk
-from taichi_erosion.recording.stream import flush, log_frame, open_recording
+from taichi_erosion.recording.stream import flush_recording, log_frame, open_recording
 recording = open_recording(Path(sys.argv[1]), header())
 for frame in range(30):
     log_frame(recording, heap_snapshot(frame), MOVING)
     if frame == 24:
-        flush(recording)
+        flush_recording(recording)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
