@@ -148,7 +148,7 @@ class Page:
             "begin": count if has_all else 0,
             "points": points,
             "kept": [state[0].time for state in session.states],
-            "is_changed": live.changes(session) > 0,
+            "is_changed": live.revision(session) > 0,
             "entries": str(hash(session.overrides)),
         }
 

@@ -276,7 +276,7 @@ def why_heap_is_too_small(scene: Scene, name: str, angles: Floats) -> str:
     as_small = measured is not None and measured.same_size
     if name not in ANGLES or as_small or scene.grains.clump or not angles.size:
         return ""
-    least, usual = (shortfalls.grains_for(shortfalls.LEAST_ROWS, float(f(angles))) for f in (np.max, np.min))
+    least, usual = (shortfalls.grain_count(shortfalls.LEAST_ROWS, float(f(angles))) for f in (np.max, np.min))
     words = f"the heap is too small for an angle: use at least {usual:,} grains ({count:,} now)"
     return words if count < CONE_SHARE * least else ""
 

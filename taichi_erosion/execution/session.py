@@ -326,18 +326,18 @@ def bytes_of_kept_states(states: Sequence[Kept]) -> int:
 def keep_state_if_due(session: Session, is_due: bool = False) -> None:
     """Keep the present state where one is due; those of later times, from before a return, go."""
     states, began = session.states, monotonic()
-    here = session.time, changes(session)
-    while states and (states[-1][0].time > here[0] or (states[-1][0].time, changes(states[-1][0])) == here):
+    here = session.time, revision(session)
+    while states and (states[-1][0].time > here[0] or (states[-1][0].time, revision(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
         states.append(keep_session_and_grains(session))
         if bytes_of_kept_states(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
-            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or changes(a[0]) != changes(b[0])]
+            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or revision(a[0]) != revision(b[0])]
         session.keep_at = began + max(KEEP_EVERY, (monotonic() - began) / KEEP_SHARE)
 
 
-def changes(session: Session) -> int:
+def revision(session: Session) -> int:
     """Number of the changes that led to the present state."""
     return sum(line.startswith(CHANGES) for line in session.history)
 
@@ -351,7 +351,7 @@ def return_to_time(session: Session, time: float) -> None:
 
 def undo_latest_change(session: Session) -> None:
     """Return to the state before the latest change, bit for bit. Raises BadInput where there is none."""
-    earlier = [each for each in session.states if changes(each[0]) < changes(session)]
+    earlier = [each for each in session.states if revision(each[0]) < revision(session)]
     if not earlier:
         raise BadInput("there is no change to undo")
     resume_from_state(session, earlier[-1])

@@ -335,7 +335,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     comparisons = []
     for heading, column in columns:
         cells = [(line, cell) for place, line in lines.items() if (cell := sheet.cell_number(column[place]))]
-        printed_words, meaning = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
+        printed_words, meaning = quantity_of_column(heading, [(cell, rows[source]) for source, cell in cells])
         if printed_words and meaning != printed_words:
             sentence = f"{path.name}: column '{heading}' holds the {meaning.replace('_', ' ')}"
             findings.append(Finding("heading", sentence, path.name, heading, printed=heading))
@@ -344,7 +344,9 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     return comparisons, findings
 
 
-def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]) -> tuple[str, str]:
+def quantity_of_column(
+    heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]
+) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
     words = word_meaning("quantities", heading)
     shares = {

@@ -110,7 +110,7 @@ def verlet_skin(replicas: ti.template(), r, radius, speed):
 
 
 @ti.func
-def is_skin_beyond_cells(world: ti.template(), r, i):
+def does_skin_exceed_cells(world: ti.template(), r, i):
     """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
     radius = world.grains.radius[i]
     width = unlimited_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
@@ -124,7 +124,7 @@ def count_wide_grains(world_out: ti.template(), r):
     base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wide += is_skin_beyond_cells(world_out, r, i)
+        wide += does_skin_exceed_cells(world_out, r, i)
     replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
 
 

@@ -120,7 +120,7 @@ def pair_random_number(first, second):
 
 
 @ti.func
-def do_grains_pass(world: ti.template(), r, e, i, j, overlap):
+def do_pass_through_each_other(world: ti.template(), r, e, i, j, overlap):
     """Whether the overlapping grains at places i and j pass through each other."""
     grains, replicas = ti.static((world.grains, world.replicas))
     free = 0
@@ -214,7 +214,7 @@ def load_pair_within_reach(world_out: ti.template(), batch_out: ti.template(), n
     near = ti.cast(distance_squared < reach * reach, ti.i32)
     if ti.static(world_out.first_contact_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
-        near -= near * do_grains_pass(world_out, r, e, i, j, overlap)
+        near -= near * do_pass_through_each_other(world_out, r, e, i, j, overlap)
     if near < pairs_out.label[e] & ENGAGED:
         clear_history(pairs_out, e)
     return near

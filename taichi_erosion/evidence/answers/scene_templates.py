@@ -15,7 +15,7 @@ import tomlkit
 
 from taichi_erosion.campaign.study_file import set_entry_comment
 from taichi_erosion.evidence.data.tables.column_roles import AIR
-from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
+from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grain_count
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.load import SCENES, read_toml
 from taichi_erosion.scene.schema.scene import Gravity
@@ -228,7 +228,7 @@ def least_grain_count(template: Template, angles: Sequence[float]) -> int:
     """Grains that a heap needs for its measure, down to somewhat flatter than the flattest measured one."""
     if not template.rows or not angles:
         return template.grains
-    return max(template.grains, grains_for(template.rows, FLATTER * min(angles)))
+    return max(template.grains, grain_count(template.rows, FLATTER * min(angles)))
 
 
 def scene_text(

@@ -56,10 +56,10 @@ def read_measured_table(path: Path, file: str = "", study: StudyFile | None = No
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    table = faults.of(read_rows, path, one_line_name(file or path), options_of(study), Interview(), faults)
+    rows = faults.of(read_rows, path, one_line_name(file or path), column_options(study), Interview(), faults)
     faults.raise_if_any()
-    assert table is not None
-    return table
+    assert rows is not None
+    return rows
 
 
 def read_rows(
@@ -189,7 +189,7 @@ def is_unseen(row: Row) -> bool:
     return row.value == 0.0 or (row.censored and isnan(row.value))
 
 
-def options_of(study: StudyFile | None) -> TableOptions:
+def column_options(study: StudyFile | None) -> TableOptions:
     """What a study says of the columns of its table: by [columns], or by the same name."""
     if study is None:
         return TableOptions()

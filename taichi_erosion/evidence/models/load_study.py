@@ -175,7 +175,7 @@ def load_function_model(path: Path, file: StudyFile, store: RunStore, files: Eff
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
     effects = load_function_effects(path, files, plugin.mechanisms)
-    adopted = tuple(simulator.candidate_at(*each, effects) for each in file.adopted.items())
+    adopted = tuple(simulator.as_candidate(*each, effects) for each in file.adopted.items())
     tried = effects_to_try(file, str(path), effects)
     values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
@@ -195,7 +195,7 @@ def load_scene_model(
     runs = results if file.study.runs is None else path.parent / file.study.runs
     study_model = simulator.study_simulator(path, file, measurements, runs, files)
     tried = simulator.library_candidates(file, study_model, str(path))
-    adopted = tuple(simulator.candidate_at(*each, study_model.library) for each in file.adopted.items())
+    adopted = tuple(simulator.as_candidate(*each, study_model.library) for each in file.adopted.items())
     parameters = simulator.uncertain_parameters(file, study_model, measurements, (*tried, *adopted))
     paths = {number.path for number in parameters}
     scenes = dict.fromkeys(measure.scene for measure in study_model.measures.values())
@@ -217,7 +217,7 @@ def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]
         if listed and effect not in (*listed, *own_effects):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        simulator.candidate_at(effect, section.tables.get(effect, CandidateEntry()), own_effects)
+        simulator.as_candidate(effect, section.tables.get(effect, CandidateEntry()), own_effects)
         for effect in dict.fromkeys((*(listed or section.tables), *own_effects))
         if effect not in file.adopted
     ]

@@ -250,7 +250,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        candidate_at(effect, choice.tables.get(effect, CandidateEntry()), library)
+        as_candidate(effect, choice.tables.get(effect, CandidateEntry()), library)
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
@@ -269,7 +269,7 @@ def unread_column_notes(file: StudyFile, simulator: Simulator, tried: Sequence[C
             yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 
-def candidate_at(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:
+def as_candidate(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:
     """An effect with the prior of its file, if there is one; the study overrides it."""
     effect = effects.get(name)
     candidate = Candidate(name, effect.prior_scale, effect.most) if effect else Candidate(name)

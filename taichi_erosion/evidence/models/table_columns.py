@@ -13,7 +13,7 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import condition_scales, options_of, value_faults
+from taichi_erosion.evidence.data.measured import column_options, condition_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column, Interview
 from taichi_erosion.evidence.data.tables.interview import understand_columns
@@ -177,7 +177,7 @@ def columns_setting_conditions(
 
     One without a unit has that of the study's table.
     """
-    readable = understand_columns(cells, options_of(file), Interview(), faults, measured=False)
+    readable = understand_columns(cells, column_options(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in readable if c.role == "condition" and c.title in file.conditions}
     kinds = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
     there = ", ".join(file.conditions)

@@ -65,9 +65,7 @@ def decide_cause(posterior: Posterior) -> Decision:
     beyond = {name: any_acts(posterior, [name]) for name in mechanisms}
     outside = any_acts(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
-    group = smallest_group(
-        posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2
-    )
+    group = smallest_group(posterior, [n for n in effects if n not in named], inclusion, len(effects) // 2)
     chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:

@@ -62,7 +62,7 @@ class LawRows:
 
     def linearise(self, w: Floats) -> Floats:
         """Residual at v = 0 and minus slopes along v (n, 1 + p), at doses of all rows."""
-        slopes = self.gain @ (at_doses(self.curve, w) + self.offset)
+        slopes = self.gain @ (curve_at_doses(self.curve, w) + self.offset)
         slopes[:, 0] = self.y - slopes[:, 0]
         return slopes
 
@@ -162,7 +162,7 @@ def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
         return None
     dosing = dosing_of_fit(race, fit, fit.dose.factor)
     curve = tabulate_model_over_dose(dosing, fit.v, fit.dose.w)
-    place = Place(fit.v, fit.dose.w, fit.mean, at_doses(curve, fit.dose.w)[:, 1:])
+    place = Place(fit.v, fit.dose.w, fit.mean, curve_at_doses(curve, fit.dose.w)[:, 1:])
     rows = law_rows_about_fit(race, fit, curve, place)
     first = [fit_form_to_all_rows(rows, form, place.w) for form in allowed_forms(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.complexity_penalty)
@@ -193,7 +193,7 @@ def tabulate_model_over_dose(dosing: Dosing, v: Floats, w: Floats) -> "scipy.int
     return scipy.interpolate.PchipInterpolator(nodes, both, axis=0)
 
 
-def at_doses(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
+def curve_at_doses(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     """M (n, 1 + p) of rows with a dose of its own each, held within the table."""
     inside = np.clip(w, curve.x[0], curve.x[-1])
     piece = np.clip(np.searchsorted(curve.x, inside, side="right") - 1, 0, curve.x.size - 2)
@@ -217,7 +217,9 @@ def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", p
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
     gain = (root * work.weight)[:, np.newaxis] * p.whiten(np.eye(root.size))
-    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - at_doses(curve, place.w)
+    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - curve_at_doses(
+        curve, place.w
+    )
     y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
     return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 

@@ -316,7 +316,7 @@ def rolling_friction_sentences(scene: Scene) -> list[str]:
     return lines
 
 
-def kind_sentences(scene: Scene) -> list[str]:
+def grain_kind_sentences(scene: Scene) -> list[str]:
     """Kinds of grains with their numbers, and pairs of them whose contact is mixed."""
     if not scene.grains.kinds:
         return []
@@ -343,7 +343,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_sentences(scene),
         "rolling": rolling_friction_sentences(scene),
-        "kinds": [*coarse_graining_sentences(scene.grains), *kind_sentences(scene)],
+        "kinds": [*coarse_graining_sentences(scene.grains), *grain_kind_sentences(scene)],
         "adhesion": sticking,
         "warnings": [
             *time_step_warnings(chosen, limit),

@@ -228,7 +228,7 @@ def add_to_reverse_list(world_out: ti.template(), buffers_out: ti.template(), r,
 
 
 @ti.func
-def sort_partners(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+def sort_reverse(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Order the reverse list of a grain by entry."""
     if is_rebuilding_grain(world, r, rank):
         number, stride = buffers_out.partners[r * world.grains.capacity + rank], world.pairs.stride
@@ -307,7 +307,7 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     survey = ((release_in_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_reverse_list, grains))
     tasks = ((prepare_sort, 1), (count_in_cell, grains), (count_in_chunk, chunks), (set_cell_starts, chunks))
     sort = (((put_in_cell, grains),), ((sort_one_cell, cells), (drop_removed, 1)), ((copy_to_place, grains),))
-    lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))
+    lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_reverse, grains))
     stages = [survey, *((task,) for task in tasks), *sort, lists, end]
     if world.has_clumps:
         stages.append(((locate_sphere, grains),))
