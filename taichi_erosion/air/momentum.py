@@ -67,7 +67,7 @@ def face_void_fraction(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def volume_flux(air: ti.template(), r, i, j, k, axis: ti.template()):
+def face_flux(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Flux of air through the low face of a cell along an axis [m s-1]."""
     return face_void_fraction(air, r, i, j, k, axis) * air.velocities[axis][r, i, j, k]
 
@@ -109,8 +109,8 @@ def control_volume_flux(air: ti.template(), r, at, axis: ti.template(), directio
     """Flux through the low face, along a direction, of the control volume of a velocity [m s-1]."""
     a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
     i, j, k = at[0], at[1], at[2]
-    here = volume_flux(air, r, i, j, k, direction)
-    there = volume_flux(air, r, i - a0, j - a1, k - a2, direction)
+    here = face_flux(air, r, i, j, k, direction)
+    there = face_flux(air, r, i - a0, j - a1, k - a2, direction)
     value = 0.5 * (here + there)
     if ti.static(axis == 2 and direction < 2):
         lower, upper = air.height[r, k - 1], air.height[r, k]

@@ -266,7 +266,7 @@ class Handler(BaseHTTPRequestHandler):
 
 def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
     """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
-    live.keep_sample_of_numbers(session)
+    live.keep_sample(session)
     page = Page(session, script, turn)
     try:
         server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))

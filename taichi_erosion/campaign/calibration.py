@@ -77,7 +77,7 @@ def calibrate(
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
         runner = DesignRunner(file, ledger, workers, progress, function, stages)
         try:
-            run_steps(calibration, runner, steps)
+            run_further_steps(calibration, runner, steps)
         finally:
             close_ledger(ledger)
         records = (run.result.record for run in runner.runs)
@@ -107,7 +107,7 @@ def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool)
     ListedFolder(file.folder).refuse_foreign_files([*tables, *last], force)
 
 
-def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
+def run_further_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
     document, labels = calibration.document, calibration.file.labels
     screening = calculate.run_screening(runner)

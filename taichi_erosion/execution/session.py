@@ -156,7 +156,7 @@ def run_until_time(session: Session, time: float) -> None:
             session.history.pop()
         session.history.append(f"{RUN_TO} {session.time!r}")
         raise_if_session_failed(session)
-        keep_sample_of_numbers(session)
+        keep_sample(session)
         for callback in session.callbacks:
             callback(session)
 
@@ -480,7 +480,7 @@ def watch_measures(session: Session, *names: str) -> None:
     session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
-def keep_sample_of_numbers(session: Session) -> None:
+def keep_sample(session: Session) -> None:
     """Keep the numbers of this moment; those of a later time, from before a return, go."""
     now = status_values_in_units(session)
     if not set(session.watched) <= set(now):

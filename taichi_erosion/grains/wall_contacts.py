@@ -309,14 +309,14 @@ def wall_gap(world: ti.template(), r, i, w):
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
         local = into_wall_frame(walls, s, grains.origin[i])
-        ball_reach = walls.ball_radius[w] + near + wall_skin(world, r, i, w)
+        ball_reach = walls.ball_radius[w] + near + wall_approach_bound(world, r, i, w)
         if (local - walls.ball_centre[w]).norm_sqr() < ball_reach * ball_reach:
             gap = wall_distance(walls, w, wall_offset(walls, w, local)) - near
     return gap
 
 
 @ti.func
-def wall_skin(world: ti.template(), r, i, w):
+def wall_approach_bound(world: ti.template(), r, i, w):
     """Bound on how much nearer the grain at place i and primitive w may come before the next rebuild [m]."""
     allowed = ti.sqrt(world.grains.skin_squared[i])
     if world.walls.moving[primitive_surface(world.walls, w)] == 1:
@@ -366,7 +366,7 @@ def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
     for k in range(walls.primitives):
         w = r * walls.primitives + k
         gap = wall_gap(world_out, r, i, w)
-        if gap < wall_skin(world_out, r, i, w):
+        if gap < wall_approach_bound(world_out, r, i, w):
             if entry + count < limit:
                 write_wall_entry(world_out, r, entry + count, rank, w)
                 spare = gap - ROUNDING * world_out.grains.radius[i]

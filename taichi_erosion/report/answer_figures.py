@@ -74,7 +74,7 @@ def observable_points(record: Record, voc: Vocabulary, observable: str, axis: st
     columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", *MODELS)}
     columns |= {f"gap_{key}": rows.residuals(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
-    table["limit"] = list(map(limit_side, rows.low, rows.high))
+    table["limit"] = list(map(side_of_limit, rows.low, rows.high))
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
     table["x"] = [voc.units.condition(axis, float(each)) for each in x]
     table["text"] = [row_text(record, voc, place) for place in range(len(table))]
@@ -87,7 +87,7 @@ def model_labels(record: Record) -> tuple[str, str, str]:
     return page_words.MEASURED, page_words.BARE, page_words.added_effects_text(record)
 
 
-def limit_side(low: float, high: float) -> str:
+def side_of_limit(low: float, high: float) -> str:
     """On which side of a measured value what was measured lies; empty for an ordinary value."""
     return "below" if low == -np.inf else "above" if high == np.inf else "between" if low < high else ""
 
@@ -97,7 +97,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     rows, units = record.rows, voc.units
     name = rows.observable[place]
     value, low, high = (float(column[place]) for column in (rows.measured, rows.low, rows.high))
-    side = limit_side(low, high)
+    side = side_of_limit(low, high)
     error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
     ends = Interval(value, value - error, value + error)
     value_text = interval(ends, 3, voc.scale(name), units.value_unit(name))
@@ -111,7 +111,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     return "\n".join([f"{page_words.MEASURED} {value_text}", *words, *units.conditions_text(at).split(", ")])
 
 
-def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
+def observable_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
     points = observable_points(record, voc, observable, axis)
     labels = {name: label for name, label in zip(MODELS, model_labels(record)[1:], strict=True) if label}

@@ -117,7 +117,7 @@ def folder_of(study: Path) -> Path:
 def worst_place_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
     place = figures.rank_failing_places(reply.record)[0]
-    return figure_with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
+    return figure_with_key(figures.observable_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
 def answer_page(
@@ -134,7 +134,7 @@ def answer_page(
     sentences = {name: answer(records[name], voc) for name, answer in ANSWERS.items() if name in records}
     parts = page_words.page_lines(sentences, lead)
     panels = figures.rank_failing_places(leading)  # the worst first
-    first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
+    first, *others = (figures.observable_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     causes = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]

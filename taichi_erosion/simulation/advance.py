@@ -14,7 +14,7 @@ from taichi_erosion.simulation.grain_decomposition.step import run_steps
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps_to_workers, upload_schedule
 from taichi_erosion.simulation.step import run_replicas_in_teams, run_scheduled_replicas
-from taichi_erosion.simulation.team import adapt_team_size, most_barrier_spins, note_launch, team_size
+from taichi_erosion.simulation.team import adapt_team_size, most_barrier_spins, record_launch, team_size
 from taichi_erosion.simulation.wind_driver import exchange_air_if_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
@@ -110,7 +110,7 @@ def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: flo
     most, count = largest_team(sim), len(sim.setups)
     if most > 1 and sim.team.adapts:
         late = bool(download([sim.world.replicas.late], 0, count)[0].any())
-        note_launch(sim.team, count, size, wall, processor_time)
+        record_launch(sim.team, count, size, wall, processor_time)
         adapt_team_size(sim.team, count, size, most, late)
 
 

@@ -52,7 +52,7 @@ def most_barrier_spins(pace: float) -> int:
     return int(min(max(SPINS, half_step), 2**30))
 
 
-def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: float) -> None:
+def record_launch(team: Team, teams: int, size: int, wall: float, processor_time: float) -> None:
     """Add a launch of so many teams of `size` workers, its time and processor time [s]."""
     team.worker_seconds += wall * size * teams
     team.seconds += wall

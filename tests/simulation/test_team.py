@@ -3,7 +3,7 @@
 import pytest
 
 from taichi_erosion.simulation import team as module
-from taichi_erosion.simulation.team import Team, adapt_team_size, most_barrier_spins, note_launch, team_size
+from taichi_erosion.simulation.team import Team, adapt_team_size, most_barrier_spins, record_launch, team_size
 
 LAUNCH = 0.22  # s, beyond the window of a judgement
 
@@ -20,7 +20,7 @@ class Machine:
         for _ in range(round(seconds / LAUNCH)):
             size = team_size(self.team, most)
             self.now += LAUNCH
-            note_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
+            record_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
             adapt_team_size(self.team, 1, size, most, late and size > free)
 
 

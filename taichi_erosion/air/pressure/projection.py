@@ -12,7 +12,7 @@ Reference: Chorin (1968), Math. Comput. 22, 745; van Kan (1986), SIAM J. Sci. St
 """
 
 from taichi_erosion.air.grid import Air, apply_stage_to_all_columns, apply_stage_to_columns
-from taichi_erosion.air.momentum import UNIT, drag_rate, face_void_fraction, is_velocity_unknown, volume_flux
+from taichi_erosion.air.momentum import UNIT, drag_rate, face_flux, face_void_fraction, is_velocity_unknown
 from taichi_erosion.air.pressure.multigrid import (
     apply_to_all_lines,
     apply_to_lines,
@@ -109,7 +109,7 @@ def low_face_flow(air: ti.template(), r, i, j, k, axis: ti.template()):
     area = width[0] * width[1]
     if ti.static(axis < 2):
         area = width[1 - axis] * air.height[r, k]
-    return volume_flux(air, r, i, j, k, axis) * area
+    return face_flux(air, r, i, j, k, axis) * area
 
 
 @ti.func

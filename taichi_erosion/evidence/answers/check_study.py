@@ -40,10 +40,10 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
     study = load_study(path, options)
     examined = [faults.of(examine_file, each) for each in study.effect_files]
     faults.raise_if_any()
-    return study_check_document(study) | {"effects": examined}
+    return check_document(study) | {"effects": examined}
 
 
-def study_check_document(study: Study) -> Document:
+def check_document(study: Study) -> Document:
     """What was found, as a document."""
     measurements = study.problem.measurements
     faults = (*table_faults(study.problem), *stale_faults(study))

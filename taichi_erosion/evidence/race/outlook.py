@@ -148,19 +148,19 @@ class Outlook:
 
     def mean(self, smooth: bool = True) -> Floats:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
-        return self.start + self.scaled_columns(smooth)[0] @ self.solution.centre
+        return self.start + self.columns_over_sd(smooth)[0] @ self.solution.centre
 
     def conditional_covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
-        factor, alone = self.scaled_columns(smooth)
+        factor, alone = self.columns_over_sd(smooth)
         return factor @ self.solution.inverse @ factor.T + alone @ alone.T
 
     def conditional_variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
-        factor, alone = self.scaled_columns(smooth)
+        factor, alone = self.columns_over_sd(smooth)
         return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
-    def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
+    def columns_over_sd(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
         tau = np.append(self.solution.tau, np.exp(np.append(self.solution.u, 0.0)[self.scale_numbers]))
         whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)

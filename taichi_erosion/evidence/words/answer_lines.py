@@ -102,7 +102,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
     firm, either = part_words.sure_and_group(record)
-    names = part_words.acting_phrase(record) if firm or either else ""
+    names = part_words.acting_text(record) if firm or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.misfit_line(record, names))))
     numbers = part_words.calibrated_numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.candidate_table_rows(record)) if part_words.can_test_any_effect(record) else ()
@@ -121,7 +121,7 @@ def sensitivity_table(record: Record) -> Table | None:
     rows = []
     for prior, answers in record.sensitivity.items():
         chances = (say.probability_text(part_words.answer_probability(record, each)) for each in answers)
-        cells = map("{} ({})".format, map(part_words.acting_phrase, answers), chances)
+        cells = map("{} ({})".format, map(part_words.acting_text, answers), chances)
         rows.append((part_words.PRIORS[prior], *cells))
     return Table(title, ("prior", "halved", "doubled"), tuple(rows)) if rows else None
 

@@ -209,7 +209,7 @@ def sure_and_group(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[
     return (*decided.named, *firm), (*decided.group, *(() if firm else mechanisms))
 
 
-def acting_phrase(decided: parts.DecisionPart) -> str:
+def acting_text(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
     firm, either = sure_and_group(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
@@ -218,10 +218,10 @@ def acting_phrase(decided: parts.DecisionPart) -> str:
 
 def prior_change_text(record: Record) -> str:
     """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
-    usual, places = acting_phrase(record), dict[str, list[str]]()
+    usual, places = acting_text(record), dict[str, list[str]]()
     for prior, answers in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), answers, strict=True):
-            places.setdefault(acting_phrase(each), []).append(f"{PRIORS[prior]} are {way}")
+            places.setdefault(acting_text(each), []).append(f"{PRIORS[prior]} are {way}")
     moves = [f"{n} only where {say.join_words(at, 'or')}" for n, at in places.items() if n != usual]
     return f"{usual} is told, {say.join_words(moves)}" if moves else "no name moves"
 
