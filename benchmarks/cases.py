@@ -12,7 +12,7 @@ from benchmarks.grain_cases import Size, device_grain_cases, grain_case, standar
 from benchmarks.shared_machine import shared_cases
 from benchmarks.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion import __version__
-from taichi_erosion.core.device import widest_target
+from taichi_erosion.core.device import widest_processor
 from taichi_erosion.core.engine import engine_name, engine_version
 from taichi_erosion.core.setup import Arch
 
@@ -46,5 +46,5 @@ def run_benchmarks(
     versions = {"taichi_erosion": __version__, engine_name(): engine_version()}
     return {"cases": cases, "versions": versions, "cores": cores} | {
         "engine": engine_name(),
-        "target": widest_target(),
+        "target": widest_processor(),
     }

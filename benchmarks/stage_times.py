@@ -6,7 +6,7 @@ from typing import Any
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.exchange import exchange_momentum
-from taichi_erosion.grains.integrate import add_other_partitions, advance_grains
+from taichi_erosion.grains.integrate import add_partition_buffers, advance_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.wall_contacts import add_wall_forces
 from taichi_erosion.simulation.assemble import Simulation
@@ -34,7 +34,7 @@ def all_walls(world_out: ti.template(), coupling_out: ti.template()):
 @ti.func
 def all_motion(world_out: ti.template(), coupling_out: ti.template()):
     for p in range(world_out.replicas.partitions[0]):
-        add_other_partitions(world_out, 0, p)
+        add_partition_buffers(world_out, 0, p)
         advance_grains(world_out, 0, p, 1, False)
 
 

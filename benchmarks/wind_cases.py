@@ -28,7 +28,7 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    energies,
+    energy_sums,
     export_bed,
     export_state,
     import_bed,
@@ -125,7 +125,7 @@ def load_kernels(sim: Simulation) -> None:
     import_bed(sim, 0, export_bed(sim, 0))
     spin_up_wind(sim, 0, 0.0)
     snapshot(sim, 0)
-    energies(sim)
+    energy_sums(sim)
     import_state(sim, state)
 
 

@@ -94,7 +94,9 @@ def in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
         for size in (lambda team, most: 1, lambda team, most: most, uneven):
             monkeypatch.setattr(launches, "team_size", size)
             if size is uneven:
-                monkeypatch.setattr(launches, "spins_most", lambda pace: 0 if not len(sizes) % 3 else 1 << 30)
+                monkeypatch.setattr(
+                    launches, "most_barrier_spins", lambda pace: 0 if not len(sizes) % 3 else 1 << 30
+                )
                 monkeypatch.setattr(launches, "steps_of_one_launch", lambda _: 7 + len(sizes) % 30)
             simulation.import_state(sim, start)
             found.append(run(sim))

@@ -17,7 +17,7 @@ from taichi_erosion.core.setup import (
     Surface,
 )
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.simulation import Simulation, advance, failure, snapshot
+from taichi_erosion.simulation import Simulation, advance, failure_of, snapshot
 from tests.verification.small_scenes import FLOOR, joined, planes, primitive_table, spheres
 
 RADIUS = 0.5e-3  # m
@@ -83,5 +83,5 @@ def fingerprint(state: Snapshot) -> str:
 def ends(sim: Simulation, until: float) -> list[str]:
     """Bits of all replicas at a time [s], none of which may have failed."""
     advance(sim, [until] * len(sim.setups))
-    assert not any(failure(sim, r) for r in range(len(sim.setups)))
+    assert not any(failure_of(sim, r) for r in range(len(sim.setups)))
     return [fingerprint(snapshot(sim, r)) for r in range(len(sim.setups))]

@@ -29,7 +29,7 @@ from benchmarks.peers.physics_measures import Rest
 from benchmarks.setups import bed_setup
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.grains.materials import damping_ratio
-from taichi_erosion.simulation import advance, assemble, failure, snapshot
+from taichi_erosion.simulation import advance, assemble, failure_of, snapshot
 
 DECKS = Path(__file__).parent
 HEADROOM = 5e-3  # m, above the highest grain
@@ -75,7 +75,7 @@ def our_beds(starts: Sequence[Start], steps: int) -> list[Rest]:
     sim = assemble(setups, Laws(rolling="elastic_plastic"), Numerics("cpu", 1, "f64"))
     advance(sim, [steps * ROUGH.time_step] * len(setups))
     for replica in range(len(setups)):
-        if fault := failure(sim, replica):
+        if fault := failure_of(sim, replica):
             raise Failed(f"ours, seed {replica}: {fault}")
     states = [snapshot(sim, replica) for replica in range(len(setups))]
     return [Rest(state.position, state.velocity, state.spin) for state in states]

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.decision import decide_cause
-from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, rows_at
+from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer
 from taichi_erosion.evidence.record import DecisionPart, HeldOutPart, Interval, Record
 
@@ -78,7 +78,7 @@ def held_out(posterior: Posterior, decided: DecisionPart, seed: int) -> HeldOutP
 
 def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, ...]]:
     """Ends of the intervals at new conditions, of the mean and of one more measurement."""
-    found = forecast(posterior, joint_rows(posterior.race, rows_at(posterior.race.prepared, asked)))
+    found = forecast(posterior, joint_rows(posterior.race, new_rows(posterior.race.prepared, asked)))
     pairs = zip(found.forecast_intervals(found.mean), found.forecast_intervals(found.new_value), strict=True)
     return [(mean.low, mean.high, one.low, one.high) for mean, one in pairs]
 

@@ -35,9 +35,7 @@ def write_rows(table: Path, rows: Iterable[Row]) -> None:
 def add_rows(trial: str, rows: list[Row]) -> None:
     """Rows of some sets in place of earlier ones of the same."""
     new = {row["set"] for row in rows}
-    write_rows(
-        table_of(trial), [*(row for row in read_rows(table_of(trial)) if row["set"] not in new), *rows]
-    )
+    write_rows(table_of(trial), [*(r for r in read_rows(table_of(trial)) if r["set"] not in new), *rows])
 
 
 def short(value: Any) -> Any:

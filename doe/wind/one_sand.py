@@ -16,7 +16,7 @@ from doe.common.pages import write_pages
 from taichi_erosion.core.files import make_parent_folder, write_atomic
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, pool_beds, threshold_from_bracket
-from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impact
+from taichi_erosion.measures.wind_formulas import Sand, iversen_white, kok_impact_threshold
 from taichi_erosion.tables.number_words import markdown_table
 from taichi_erosion.wind.survey import Survey, survey_scenes
 
@@ -87,10 +87,8 @@ def starts() -> str:
     for over in np.log(SHOWN):
         power = (np.log(np.log(2.0) / WATCH) - fit[0] - fit[1] * over) / fit[2]
         slope = np.array([1.0, over, power]) / fit[2]
-        error = 1.96 * float(slope @ covariance @ slope) ** 0.5
-        cells.append(
-            "{:.3f} ({:.3f} to {:.3f})".format(*WIND * np.exp([power, power - error, power + error]))
-        )
+        err = 1.96 * float(slope @ covariance @ slope) ** 0.5
+        cells.append("{:.3f} ({:.3f} to {:.3f})".format(*WIND * np.exp([power, power - err, power + err])))
     return markdown_table(STARTS_HEAD, [(str(len(trials)), str(started.sum()), *cells)])
 
 
@@ -105,7 +103,7 @@ def main(asked: Sequence[str]) -> None:
     for name, diameter in SANDS.items():
         beds, sand = groups[name], Sand(1e-3 * diameter)
         fluid, impact, line, one, by_line = (interval(beds, k) for k in (FLUID, IMPACT, LINE, ONE, BY_LINE))
-        curve, kok = f"{iversen_white(sand):.3f}", f"{kok_impact(sand):.3f}"
+        curve, kok = f"{iversen_white(sand):.3f}", f"{kok_impact_threshold(sand):.3f}"
         rows.append((f"{diameter:g}", str(len(beds)), fluid, curve, impact, kok, line, one, by_line))
     whole = pd.concat([groups[name] for name in SANDS])
     rows.append(("all", str(len(whole)), *[""] * 5, interval(whole, ONE), interval(whole, BY_LINE)))

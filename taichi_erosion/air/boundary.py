@@ -7,7 +7,7 @@ through the eddy viscosity of its ghost cells: with the mirror image it makes th
 """
 
 from taichi_erosion.air.grid import cell_velocity
-from taichi_erosion.air.wall_law import SMALLEST, rough_side_friction
+from taichi_erosion.air.wall_law import SMALLEST, rough_friction_velocity
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -47,7 +47,7 @@ def normal_velocity(air: ti.template(), side: ti.template(), r, j, k):
 
 
 @ti.func
-def cell_across(axis: ti.template(), index, other, k):
+def cell_indices_across(axis: ti.template(), index, other, k):
     """Cell at an index along x or y (`axis`), and at `other` along the other of the two."""
     cell = ti.Vector([index, other, k])
     if ti.static(axis == 1):
@@ -60,8 +60,8 @@ def fill_velocity_ghosts_across(air_out: ti.template(), across: ti.template(), r
     """Velocities in ghosts and on the sides along x or y (`across`)."""
     n, low, high = ti.static(air_out.cells[across], 2 * across, 2 * across + 1)
     low_kind, high_kind = ti.static((air_out.kinds[SIDES[low]], air_out.kinds[SIDES[high]]))
-    before, first = cell_across(across, -1, other, k), cell_across(across, 0, other, k)
-    last, after = cell_across(across, n - 1, other, k), cell_across(across, n, other, k)
+    before, first = cell_indices_across(across, -1, other, k), cell_indices_across(across, 0, other, k)
+    last, after = cell_indices_across(across, n - 1, other, k), cell_indices_across(across, n, other, k)
     for axis in ti.static(range(3)):
         values_out = ti.static(air_out.velocities[axis])
         start, end = values_out[r, first], values_out[r, last]
@@ -97,7 +97,7 @@ def fill_velocity_ghosts_z(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def velocity_ghosts(air_out: ti.template(), first, last):
+def fill_velocity_ghosts_in_range(air_out: ti.template(), first, last):
     """Velocities in all ghosts of replicas from first to last; x first, since y and z read the corners."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     ti.loop_config(serialize=air_out.serial)
@@ -117,7 +117,7 @@ def fill_velocity_ghosts(air_out: ti.template()):
 
     Writes `air_out`: velocities, velocity_z.
     """
-    velocity_ghosts(air_out, 0, air_out.count)
+    fill_velocity_ghosts_in_range(air_out, 0, air_out.count)
 
 
 @ti.func
@@ -138,10 +138,10 @@ def fill_cell_ghosts_across(
     """Ghosts of a cell quantity beyond the sides along x or y (`across`)."""
     n = ti.static(air.cells[across])
     low, high = ti.static((air.kinds[SIDES[2 * across]], air.kinds[SIDES[2 * across + 1]]))
-    start = values_out[r, cell_across(across, 0, other, k)]
-    end = values_out[r, cell_across(across, n - 1, other, k)]
-    values_out[r, cell_across(across, -1, other, k)] = ghost_value(low, start, end, sign)
-    values_out[r, cell_across(across, n, other, k)] = ghost_value(high, end, start, sign)
+    start = values_out[r, cell_indices_across(across, 0, other, k)]
+    end = values_out[r, cell_indices_across(across, n - 1, other, k)]
+    values_out[r, cell_indices_across(across, -1, other, k)] = ghost_value(low, start, end, sign)
+    values_out[r, cell_indices_across(across, n, other, k)] = ghost_value(high, end, start, sign)
 
 
 @ti.func
@@ -155,7 +155,9 @@ def fill_cell_ghosts_z(air: ti.template(), values_out: ti.template(), outlet_sig
 
 
 @ti.func
-def cell_ghosts(outlet_sign: ti.template(), air: ti.template(), quantities_out: ti.template(), first, last):
+def fill_cell_ghosts_in_range(
+    outlet_sign: ti.template(), air: ti.template(), quantities_out: ti.template(), first, last
+):
     """Ghosts of several cell quantities of the replicas from first to last.
 
     `outlet_sign` -1 makes them vanish on an outlet, as pressure does. All quantities share three loops: the
@@ -179,7 +181,7 @@ def cell_ghosts(outlet_sign: ti.template(), air: ti.template(), quantities_out: 
 @ti.kernel
 def fill_cell_ghosts(outlet_sign: ti.template(), air: ti.template(), values_out: ti.template()):
     """Ghosts of a cell quantity of all replicas."""
-    cell_ghosts(outlet_sign, air, ti.static((values_out,)), 0, air.count)
+    fill_cell_ghosts_in_range(outlet_sign, air, ti.static((values_out,)), 0, air.count)
 
 
 @ti.func
@@ -188,8 +190,8 @@ def fill_wall_ghost(air_out: ti.template(), across: ti.template(), upper: ti.tem
     side = ti.static(2 * across + upper)
     kind, n = ti.static((air_out.kinds[SIDES[side]], air_out.cells[across]))
     if ti.static(kind in ("wall", "rough")):
-        ghost = cell_across(across, ti.static(n if upper else -1), other, k)
-        inside = cell_across(across, ti.static(n - 1 if upper else 0), other, k)
+        ghost = cell_indices_across(across, ti.static(n if upper else -1), other, k)
+        inside = cell_indices_across(across, ti.static(n - 1 if upper else 0), other, k)
         eddy = air_out.eddy_cell[r, inside]
         value = -eddy
         if ti.static(kind == "rough"):
@@ -197,7 +199,7 @@ def fill_wall_ghost(air_out: ti.template(), across: ti.template(), upper: ti.tem
             along = velocity[1 - across]
             speed = ti.max(ti.sqrt(along * along + velocity[2] * velocity[2]), SMALLEST)
             distance = 0.5 * air_out.numbers.width[r][across]
-            friction = rough_side_friction(air_out, r, side, speed, distance)
+            friction = rough_friction_velocity(air_out, r, side, speed, distance)
             value = 2.0 * (friction * friction * distance / speed - air_out.numbers.viscosity[r]) - eddy
         air_out.eddy_cell[r, ghost] = value
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.air.inlet_turbulence import InletWaves, allocate_waves
+from taichi_erosion.air.inlet_turbulence import InletWaves, allocate_inlet_waves
 from taichi_erosion.air.pressure.multigrid import MultigridLevels, allocate_levels
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
 from taichi_erosion.core.device import is_serial_loop
@@ -114,7 +114,7 @@ class Air:
     previous_rate_y: Any
     previous_rate_z: Any
     elimination: Any  # upper factors of a tridiagonal solve along z [1]
-    active: Any  # i32 by replica: whether `advance_active` advances it
+    active: Any  # i32 by replica: whether `advance_active_replicas` advances it
     mass_residual: Any  # largest divergence that this left in a cell, times the time step [1], by replica
     levels: MultigridLevels  # of the pressure solve
     krylov: KrylovFields
@@ -195,7 +195,7 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         mass_residual=ti.field(real, shape=count),
         levels=allocate_levels(first, count),
         krylov=krylov,
-        waves=allocate_waves(setups),
+        waves=allocate_inlet_waves(setups),
         **{name: ghost_field(cells, count) for name in CELL_SCALARS},
         **{name: ghost_field(cells, count, vector=True) for name in CELL_VECTORS},
         **{name: ghost_field(layers, count) for name in ("face", "centre", "height", "inlet_shape")},
@@ -249,7 +249,7 @@ def upload_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
 
 
 @ti.func
-def layer_of(air: ti.template(), r, z):
+def layer_index(air: ti.template(), r, z):
     """Index k of the layer of cells that holds a height [m], by bisection; the nearest one outside."""
     low, high = 0, air.cells[2]
     while high - low > 1:
@@ -278,7 +278,7 @@ def cell_velocity(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def store_void_fraction(air_out: ti.template(), r, i, j):
+def store_previous_void(air_out: ti.template(), r, i, j):
     """Void fraction of one column as it stands, kept as that of the step before."""
     for k in range(air_out.cells[2]):
         air_out.void_before[r, i, j, k] = air_out.void_fraction[r, i, j, k]

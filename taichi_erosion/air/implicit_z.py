@@ -12,10 +12,10 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A 
 from taichi_erosion.air.momentum import (
     body_force,
     conductance_below,
-    control_height,
+    control_volume_height,
     drag_rate,
-    face_void,
-    is_unknown,
+    face_void_fraction,
+    is_velocity_unknown,
 )
 from taichi_erosion.core.ti import ti
 
@@ -39,7 +39,7 @@ def eliminate_row(theta, inertia, drag, below, above, right, reduced, factor):
 
 
 @ti.func
-def solve_column(air_out: ti.template(), r, i, j, axis: ti.template(), time, now, before):
+def solve_column_velocity(air_out: ti.template(), r, i, j, axis: ti.template(), time, now, before):
     """Predicted velocities along an axis in one column; `now`, `before`: weights of explicit rates [1]."""
     values_out, rate, previous = ti.static(
         air_out.velocities[axis], air_out.rates[axis], air_out.previous_rates[axis]
@@ -52,8 +52,8 @@ def solve_column(air_out: ti.template(), r, i, j, axis: ti.template(), time, now
     for k in range(first, n):
         next_above, above = values_out[r, i, j, k + 1], conductance_below(air_out, r, i, j, k + 1, axis)
         jump = next_above - here
-        height = control_height(air_out, r, k, axis)
-        inertia = height * face_void(air_out, r, i, j, k, axis) / time
+        height = control_volume_height(air_out, r, k, axis)
+        inertia = height * face_void_fraction(air_out, r, i, j, k, axis) / time
         right = right_side_of_row(theta, inertia, below, above, here, jump_below, jump)
         force = body_force(air_out, r, i, j, k, axis)
         right += height * (now * rate[r, i, j, k] + before * previous[r, i, j, k] + force)
@@ -69,15 +69,15 @@ def solve_column(air_out: ti.template(), r, i, j, axis: ti.template(), time, now
 
 
 @ti.func
-def predict_column(air_out: ti.template(), r, i, j, axis: ti.template(), share, now, before):
+def predict_column_velocity(air_out: ti.template(), r, i, j, axis: ti.template(), share, now, before):
     """Velocities along an axis in one column at the end of a stage, unless a side gives them.
 
     The weights `now` and `before` of the explicit rates are over the whole step, `share` of which the stage
     takes.
     """
-    if is_unknown(air_out, i, j, axis):
+    if is_velocity_unknown(air_out, i, j, axis):
         time = share * air_out.numbers.time_step[r]
-        solve_column(air_out, r, i, j, axis, time, now / share, before / share)
+        solve_column_velocity(air_out, r, i, j, axis, time, now / share, before / share)
 
 
 @ti.kernel
@@ -88,4 +88,4 @@ def predict_velocity(axis: ti.template(), share: ti.f64, now: ti.f64, before: ti
     """
     ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        predict_column(air_out, r, i, j, axis, share, now, before)
+        predict_column_velocity(air_out, r, i, j, axis, share, now, before)

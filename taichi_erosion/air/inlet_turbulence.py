@@ -39,7 +39,7 @@ class InletWaves:
     mean_speed: Any  # mean wind at the inlet [m s-1], by replica
 
 
-def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
+def sample_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
     """Wave vectors [n, 3] in m-1, amplitudes [n, 3] in m s-1 and phases [n] of one replica."""
     random = np.random.Generator(np.random.Philox(turbulence.seed))
     count, scale = turbulence.waves, ENERGETIC * turbulence.length
@@ -56,9 +56,9 @@ def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
     return waves[:, None] * direction, amplitude, random.uniform(0.0, 2.0 * np.pi, count)
 
 
-def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
+def allocate_inlet_waves(setups: Sequence[AirSetup]) -> InletWaves:
     """Fields of the waves; without turbulence there is none."""
-    samples = [None if s.turbulence is None else draw_waves(s.turbulence) for s in setups]
+    samples = [None if s.turbulence is None else sample_waves(s.turbulence) for s in setups]
     number = max((0 if waves is None else len(waves[2]) for waves in samples), default=0)
     shape = (len(setups), max(number, 1))
     fields = InletWaves(

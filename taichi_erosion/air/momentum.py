@@ -54,7 +54,7 @@ def index_below(air: ti.template(), index, axis: ti.template()):
 
 
 @ti.func
-def face_void(air: ti.template(), r, i, j, k, axis: ti.template()):
+def face_void_fraction(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Void fraction on the low face along an axis [1]."""
     share = real(1.0)
     if ti.static(air.model.exchange):
@@ -67,9 +67,9 @@ def face_void(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def volume_flux(air: ti.template(), r, i, j, k, axis: ti.template()):
+def face_flux(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Flux of air through the low face of a cell along an axis [m s-1]."""
-    return face_void(air, r, i, j, k, axis) * air.velocities[axis][r, i, j, k]
+    return face_void_fraction(air, r, i, j, k, axis) * air.velocities[axis][r, i, j, k]
 
 
 @ti.func
@@ -88,19 +88,19 @@ def spacing_below(air: ti.template(), r, k, axis: ti.template()):
 
 
 @ti.func
-def control_height(air: ti.template(), r, k, axis: ti.template()):
+def control_volume_height(air: ti.template(), r, k, axis: ti.template()):
     """Height of the control volume of a velocity [m]."""
     return air.centre[r, k] - air.centre[r, k - 1] if ti.static(axis == 2) else air.height[r, k]
 
 
 @ti.func
-def control_width(air: ti.template(), r, k, axis: ti.template(), direction: ti.template()):
+def control_volume_width(air: ti.template(), r, k, axis: ti.template(), direction: ti.template()):
     """Width of the control volume of a velocity along a direction [m]."""
     width = real(0.0)
     if ti.static(direction < 2):
         width = air.numbers.width[r][direction]
     else:
-        width = control_height(air, r, k, axis)
+        width = control_volume_height(air, r, k, axis)
     return width
 
 
@@ -109,8 +109,8 @@ def control_volume_flux(air: ti.template(), r, at, axis: ti.template(), directio
     """Flux through the low face, along a direction, of the control volume of a velocity [m s-1]."""
     a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
     i, j, k = at[0], at[1], at[2]
-    here = volume_flux(air, r, i, j, k, direction)
-    there = volume_flux(air, r, i - a0, j - a1, k - a2, direction)
+    here = face_flux(air, r, i, j, k, direction)
+    there = face_flux(air, r, i - a0, j - a1, k - a2, direction)
     value = 0.5 * (here + there)
     if ti.static(axis == 2 and direction < 2):
         lower, upper = air.height[r, k - 1], air.height[r, k]
@@ -143,7 +143,7 @@ def far_upwind_velocity(air: ti.template(), r, at, axis: ti.template(), directio
 
 
 @ti.func
-def van_leer(behind, ahead):
+def van_leer_slope(behind, ahead):
     """Limited rise from an upwind value to the face half-way to the next one [of the slopes' unit]."""
     product = behind * ahead
     return ti.select(product > 0.0, product / (behind + ahead + ti.select(behind > 0.0, TINY, -TINY)), 0.0)
@@ -162,12 +162,12 @@ def face_value(air: ti.template(), r, low, axis: ti.template(), direction: ti.te
         if speed > 0.0:
             upwind, downwind, beyond = first, last, low - step
         behind = far_upwind_velocity(air, r, beyond, axis, direction)
-        value = upwind + van_leer(upwind - behind, downwind - upwind)
+        value = upwind + van_leer_slope(upwind - behind, downwind - upwind)
     return value
 
 
 @ti.func
-def advection(air: ti.template(), r, at, axis: ti.template()):
+def advection_term(air: ti.template(), r, at, axis: ti.template()):
     """Advection term q . grad u of a velocity [m s-2]."""
     here = air.velocities[axis][r, at[0], at[1], at[2]]
     total = real(0.0)
@@ -177,7 +177,7 @@ def advection(air: ti.template(), r, at, axis: ti.template()):
         out = control_volume_flux(air, r, at + step, axis, direction)
         net_flux = out * (face_value(air, r, at, axis, direction, out) - here)
         net_flux -= into * (face_value(air, r, at - step, axis, direction, into) - here)
-        total += net_flux / control_width(air, r, at[2], axis, direction)
+        total += net_flux / control_volume_width(air, r, at[2], axis, direction)
     return total
 
 
@@ -217,12 +217,12 @@ def explicit_rate(air: ti.template(), r, at, axis: ti.template()):
     """Horizontal diffusion less advection of a velocity [m s-2]."""
     rate = horizontal_diffusion(air, r, at, axis)
     if ti.static(air.model.advection != "none"):
-        rate -= advection(air, r, at, axis)
+        rate -= advection_term(air, r, at, axis)
     return rate
 
 
 @ti.func
-def volume_exchange(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
+def control_volume_mean(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.template()):
     """Exchange with grains in the control volume of a velocity: mean of its two cells by their volumes.
 
     The sum over all velocities then is the sum over all cells, whatever their heights.
@@ -239,14 +239,14 @@ def drag_rate(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Implicit drag beta / rho on a face [s-1]."""
     value = real(0.0)
     if ti.static(air.model.exchange):
-        value = volume_exchange(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
+        value = control_volume_mean(air, air.exchange_coefficient, r, i, j, k, axis) / air.numbers.density[r]
     return value
 
 
 @ti.func
 def grain_force(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Explicit force f of the grains along an axis, per volume [N m-3]."""
-    return volume_exchange(air, air.exchange_force, r, i, j, k, axis)[axis]
+    return control_volume_mean(air, air.exchange_force, r, i, j, k, axis)[axis]
 
 
 @ti.func
@@ -256,7 +256,7 @@ def pressure_gradient(air: ti.template(), r, i, j, k, axis: ti.template()):
     if ti.static(axis == 2 or not air.is_column):
         a0, a1, a2 = ti.static(UNIT[axis][0], UNIT[axis][1], UNIT[axis][2])
         rise = air.pressure[r, i, j, k] - air.pressure[r, i - a0, j - a1, k - a2]
-        slope = rise / control_width(air, r, k, axis, axis)
+        slope = rise / control_volume_width(air, r, k, axis, axis)
     return slope
 
 
@@ -265,7 +265,7 @@ def body_force(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Acceleration by pressure, its driving gradient, grains and a lid under stress, times eps [m s-2]."""
     (numbers,) = ti.static((air.numbers,))
     slope = pressure_gradient(air, r, i, j, k, axis) + numbers.driving_gradient[r][axis]
-    value = -face_void(air, r, i, j, k, axis) * slope
+    value = -face_void_fraction(air, r, i, j, k, axis) * slope
     if ti.static(air.model.exchange):
         value += grain_force(air, r, i, j, k, axis)
     value /= numbers.density[r]
@@ -276,7 +276,7 @@ def body_force(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def inner_conductance(air: ti.template(), r, i, j, k, axis: ti.template()):
+def viscous_conductance(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Eps (nu + nu_t) over the distance to the next velocity below [m s-1]."""
     value = real(0.0)
     if ti.static(axis == 2):
@@ -290,7 +290,7 @@ def inner_conductance(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def face_velocity(air: ti.template(), r, i, j, k, axis: ti.template()):
+def horizontal_face_velocity(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Both horizontal velocities at a face normal to x or y [m s-1]; the other one is a mean of four."""
     u, v = air.velocity_x[r, i, j, k], air.velocity_y[r, i, j, k]
     if ti.static(axis == 0 and not air.is_column):
@@ -306,10 +306,10 @@ def face_velocity(air: ti.template(), r, i, j, k, axis: ti.template()):
 def side_conductance(air: ti.template(), kind: ti.template(), r, i, j, k, axis: ti.template(), side):
     """Stress over density and velocity of an end cell, relative to floor or lid [m s-1]."""
     wall = air.numbers.side_velocity[r, side]
-    u, v = face_velocity(air, r, i, j, k, axis)
+    u, v = horizontal_face_velocity(air, r, i, j, k, axis)
     speed = ti.sqrt((u - wall[0]) ** 2 + (v - wall[1]) ** 2)
     value = wall_conductance(air, kind, r, side, speed, 0.5 * air.height[r, k])
-    return value * face_void(air, r, i, j, k, axis)
+    return value * face_void_fraction(air, r, i, j, k, axis)
 
 
 @ti.func
@@ -318,13 +318,13 @@ def conductance_below(air: ti.template(), r, i, j, k, axis: ti.template()):
     n = ti.static(air.cells[2])
     value = real(0.0)
     if ti.static(axis == 2):
-        value = inner_conductance(air, r, i, j, k, axis)
+        value = viscous_conductance(air, r, i, j, k, axis)
     elif k == 0:
         value = side_conductance(air, air.kinds["z_low"], r, i, j, 0, axis, FLOOR)
     elif k == n:
         value = side_conductance(air, air.kinds["z_high"], r, i, j, n - 1, axis, LID)
     else:
-        value = inner_conductance(air, r, i, j, k, axis)
+        value = viscous_conductance(air, r, i, j, k, axis)
     return value
 
 
@@ -339,7 +339,7 @@ def first_solved_face(air: ti.template(), axis: ti.template()):
 
 
 @ti.func
-def is_unknown(air: ti.template(), i, j, axis: ti.template()):
+def is_velocity_unknown(air: ti.template(), i, j, axis: ti.template()):
     """Whether the velocities along an axis in a column of cells are unknowns, not given by a side."""
     by_side = False
     if ti.static(axis == 0):
@@ -354,7 +354,7 @@ def set_explicit_rates(air_out: ti.template(), r, i, j):
     """Explicit rates of the velocities of one column of cells [m s-2]; those of the stage before are kept."""
     for axis in ti.static(range(3)):
         rate_out, previous_out = ti.static(air_out.rates[axis], air_out.previous_rates[axis])
-        if is_unknown(air_out, i, j, axis):
+        if is_velocity_unknown(air_out, i, j, axis):
             for k in range(ti.static(1 if axis == 2 else 0), air_out.cells[2]):
                 previous_out[r, i, j, k] = rate_out[r, i, j, k]
                 rate_out[r, i, j, k] = explicit_rate(air_out, r, ti.Vector([i, j, k]), axis)

@@ -4,7 +4,7 @@ import numpy as np
 
 from taichi_erosion.air.boundary import fill_velocity_ghosts
 from taichi_erosion.air.grid import Air
-from taichi_erosion.air.turbulence import floor_friction
+from taichi_erosion.air.turbulence import floor_friction_velocity
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.core.ti import ti
@@ -12,7 +12,7 @@ from taichi_erosion.core.transfer import download_field, write_field
 
 
 @ti.kernel
-def copy_replica(r: ti.i32, air: ti.template(), table_out: ti.types.ndarray(dtype=ti.f64, ndim=4)):
+def copy_air_to_table(r: ti.i32, air: ti.template(), table_out: ti.types.ndarray(dtype=ti.f64, ndim=4)):
     """Velocities on faces, pressure, eddy viscosity and friction velocity of the floor, ghosts included."""
     nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
     for i, j in ti.ndrange(nx + 1, ny + 1):
@@ -22,7 +22,7 @@ def copy_replica(r: ti.i32, air: ti.template(), table_out: ti.types.ndarray(dtyp
             table_out[3, i, j, k] = air.pressure[r, i, j, k]
             table_out[4, i, j, k] = air.eddy_face[r, i, j, k]
         if i < nx and j < ny:
-            table_out[5, i, j, 0] = floor_friction(air, r, i, j)
+            table_out[5, i, j, 0] = floor_friction_velocity(air, r, i, j)
 
 
 def face_velocities(air: Air, replica: int) -> tuple[Floats, Floats, Floats]:
@@ -33,10 +33,10 @@ def face_velocities(air: Air, replica: int) -> tuple[Floats, Floats, Floats]:
 
 
 def replica_table(air: Air, replica: int) -> Floats:
-    """Table [6, nx + 1, ny + 1, nz + 1] of `copy_replica`."""
+    """Table [6, nx + 1, ny + 1, nz + 1] of `copy_air_to_table`."""
     fill_velocity_ghosts(air)  # the step of a column does not fill the ghosts beside it
     table = np.zeros((6, *(n + 1 for n in air.cells)))
-    copy_replica(replica, air, table)
+    copy_air_to_table(replica, air, table)
     return table
 
 

@@ -4,11 +4,11 @@ runge_kutta: three stages, explicit terms to third order, diffusion along z and 
              (implicitness 1/2); stable up to u dt / dx = 1.7
 euler:       one stage; for columns, where nothing is advected
 
-`advance_air` launches each formula over the cells of all replicas in parallel. `advance_active` gives each
-replica to one thread, which visits column after column in order: a small grid costs little arithmetic and,
-kernel by kernel, hundreds of launches a step, of which this needs a dozen. There every replica iterates its
-pressure until its own has converged, so that its bits do not depend on the others. It serves boxes that are
-periodic along x and y.
+`advance_air` launches each formula over the cells of all replicas in parallel. `advance_active_replicas`
+gives each replica to one thread, which visits column after column in order: a small grid costs little
+arithmetic and, kernel by kernel, hundreds of launches a step, of which this needs a dozen. There every
+replica iterates its pressure until its own has converged, so that its bits do not depend on the others. It
+serves boxes that are periodic along x and y.
 
 Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 """
@@ -16,11 +16,11 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 from dataclasses import dataclass
 
 from taichi_erosion.air.boundary import (
-    cell_ghosts,
     fill_cell_ghosts,
+    fill_cell_ghosts_in_range,
     fill_velocity_ghosts,
+    fill_velocity_ghosts_in_range,
     fill_wall_viscosity,
-    velocity_ghosts,
 )
 from taichi_erosion.air.grid import (
     Air,
@@ -29,23 +29,23 @@ from taichi_erosion.air.grid import (
     apply_to_all_columns,
     apply_to_columns,
     cell_velocity,
-    store_void_fraction,
+    store_previous_void,
 )
-from taichi_erosion.air.implicit_z import predict_column, predict_velocity
+from taichi_erosion.air.implicit_z import predict_column_velocity, predict_velocity
 from taichi_erosion.air.inlet_turbulence import update_inlet_fluctuation
 from taichi_erosion.air.momentum import set_explicit_rates
 from taichi_erosion.air.pressure.conjugate_gradient import (
     TOLERANCE,
     apply_to_all_replicas,
     max_or_nan,
-    solve,
-    solve_replica,
+    solve_pressure,
+    solve_replica_pressure,
 )
 from taichi_erosion.air.pressure.projection import (
-    correct_column,
+    correct_column_velocity,
     set_conductances,
     set_replica_conductances,
-    set_right_side,
+    set_right_hand_side,
     subtract_mean_divergence,
 )
 from taichi_erosion.air.turbulence import set_eddy_viscosity
@@ -110,11 +110,11 @@ def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
     fill_velocity_ghosts(air)
     if air.model.exchange:
         set_conductances(air, stage.share)
-    apply_to_all_columns(set_right_side, air)
+    apply_to_all_columns(set_right_hand_side, air)
     if air.model.exchange and "outlet" not in air.kinds.values():
         apply_to_all_replicas(subtract_mean_divergence, air)
-    iterations = solve(air, tolerance)
-    apply_stage_to_all_columns(correct_column, stage.share, air)
+    iterations = solve_pressure(air, tolerance)
+    apply_stage_to_all_columns(correct_column_velocity, stage.share, air)
     fill_velocity_ghosts(air)
     fill_cell_ghosts(-1, air, air.pressure)
     return iterations
@@ -139,7 +139,7 @@ def advance_air(air: Air, steps: int = 1, tolerance: float = TOLERANCE) -> int:
         for stage in STAGES[air.model.scheme]:
             iterations += advance_stage(air, stage, tolerance)
         if air.model.exchange:
-            apply_to_all_columns(store_void_fraction, air)
+            apply_to_all_columns(store_previous_void, air)
         apply_to_all_replicas(advance_clock, air)
     return iterations
 
@@ -177,7 +177,7 @@ def add_stage_exchange(air_out: ti.template(), r, i, j, share):
     impulse   sum t (f - beta u)          with u the velocity at the end of a stage t of the step T
     gradient  sum (t / T) grad p          with p likewise, so that both are to rounding what acted on the air
 
-    The share of a cell in a face is that of `momentum.volume_exchange`, halves by volume.
+    The share of a cell in a face is that of `momentum.control_volume_mean`, halves by volume.
     """
     time = share * air_out.numbers.time_step[r]
     for k in range(air_out.cells[2]):
@@ -202,8 +202,8 @@ def begin_step(air_out: ti.template(), r):
     void, coefficient, force = ti.static(
         air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force
     )
-    cell_ghosts(1, air_out, ti.static((void, coefficient, force, air_out.pressure)), r, r + 1)
-    velocity_ghosts(air_out, r, r + 1)
+    fill_cell_ghosts_in_range(1, air_out, ti.static((void, coefficient, force, air_out.pressure)), r, r + 1)
+    fill_velocity_ghosts_in_range(air_out, r, r + 1)
     apply_to_columns(reset_exchange, air_out, r, r + 1)
     air_out.mass_residual[r] = 0.0
 
@@ -215,14 +215,14 @@ def predict_stage(air_out: ti.template(), r, stage):
         begin_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
         apply_to_columns(set_eddy_viscosity, air_out, r, r + 1)
-        cell_ghosts(1, air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r, r + 1)
+        fill_cell_ghosts_in_range(1, air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r, r + 1)
     apply_to_columns(set_explicit_rates, air_out, r, r + 1)
     share, now, before = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
         for i in range(air_out.cells[0]):
             for j in range(air_out.cells[1]):
-                predict_column(air_out, r, i, j, axis, share, now, before)
-    velocity_ghosts(air_out, r, r + 1)
+                predict_column_velocity(air_out, r, i, j, axis, share, now, before)
+    fill_velocity_ghosts_in_range(air_out, r, r + 1)
 
 
 @ti.func
@@ -230,9 +230,9 @@ def solve_stage(air_out: ti.template(), r, stage):
     """Change of pressure that makes the predicted velocities conserve air, and the worst divergence left."""
     share, _, _ = stage_weights(air_out, stage)
     set_replica_conductances(air_out, r, share)
-    apply_to_columns(set_right_side, air_out, r, r + 1)
+    apply_to_columns(set_right_hand_side, air_out, r, r + 1)
     subtract_mean_divergence(air_out, r)
-    worst = solve_replica(air_out, r)
+    worst = solve_replica_pressure(air_out, r)
     air_out.mass_residual[r] = max_or_nan(air_out.mass_residual[r], worst)
 
 
@@ -240,12 +240,12 @@ def solve_stage(air_out: ti.template(), r, stage):
 def correct_stage(air_out: ti.template(), r, stage):
     """Velocities corrected by the pressure, and the exchange budget; the last closes the step."""
     share, _, _ = stage_weights(air_out, stage)
-    apply_stage_to_columns(correct_column, air_out, r, r + 1, share)
-    velocity_ghosts(air_out, r, r + 1)
-    cell_ghosts(1, air_out, ti.static((air_out.pressure,)), r, r + 1)
+    apply_stage_to_columns(correct_column_velocity, air_out, r, r + 1, share)
+    fill_velocity_ghosts_in_range(air_out, r, r + 1)
+    fill_cell_ghosts_in_range(1, air_out, ti.static((air_out.pressure,)), r, r + 1)
     apply_stage_to_columns(add_stage_exchange, air_out, r, r + 1, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
-        apply_to_columns(store_void_fraction, air_out, r, r + 1)
+        apply_to_columns(store_previous_void, air_out, r, r + 1)
         advance_clock(air_out, r)
 
 
@@ -260,7 +260,7 @@ def apply_to_active(task: ti.template(), count: ti.i32, chunk: ti.i32, stage: ti
             task(air_out, lane // chunk, stage)
 
 
-def advance_active(air: Air, count: int, chunk: int) -> None:
+def advance_active_replicas(air: Air, count: int, chunk: int) -> None:
     """The active among the first `count` replicas after one of their own time steps, one thread a replica.
 
     `chunk` iterations of a parallel loop go to one thread. The largest divergence left is in

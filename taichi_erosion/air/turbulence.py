@@ -1,9 +1,9 @@
 """Eddy viscosity: the turbulence closure, one of three chosen at assembly.
 
 mixing_length:  nu_t = l^2 |S| on the lower faces of cells; l(z) grows from the floor by
-                `wall_law.root_length_slope` (over a rough floor `wall_law.rough_length`), and never exceeds
-                kappa times the distance to another wall, the stated largest length, or the stated share of
-                the layer's thickness (Escudier: 0.09)
+                `wall_law.root_length_slope` (over a rough floor `wall_law.rough_mixing_length`), and never
+                exceeds kappa times the distance to another wall, the stated largest length, or the stated
+                share of the layer's thickness (Escudier: 0.09)
 smagorinsky:    nu_t = l^2 |S| in cells,  1/l^2 = 1/(C_s D)^2 + 1/(kappa d (1 - exp(-d u*/(A+ nu))))^2, with
                 D the cube root of the cell's volume, d the height over the floor, u* its friction velocity;
                 over grains, those of bed and wind: in the bed nu_t is 0
@@ -12,7 +12,7 @@ Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
 """
 
-from taichi_erosion.air.wall_law import SMALLEST, floor_mixing_length, rough_side_friction
+from taichi_erosion.air.wall_law import SMALLEST, floor_mixing_length, rough_friction_velocity
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -31,7 +31,7 @@ def horizontal_velocity(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def strain_in_cell(air: ti.template(), r, i, j, k):
+def squared_strain_in_cell(air: ti.template(), r, i, j, k):
     """Share of 2 S_ij S_ij that lies in cells [s-2]: all but du/dz + dw/dx and dv/dz + dw/dy."""
     width = air.numbers.width[r]
     ux = (air.velocity_x[r, i + 1, j, k] - air.velocity_x[r, i, j, k]) / width[0]
@@ -45,7 +45,7 @@ def strain_in_cell(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def strain_on_face(air: ti.template(), r, i, j, k):
+def face_strain_squared(air: ti.template(), r, i, j, k):
     """(du/dz + dw/dx)^2 + (dv/dz + dw/dy)^2 on the lower face of a cell [s-2]; 0 on floor and lid."""
     value = real(0.0)
     if 0 < k < air.cells[2]:
@@ -60,7 +60,7 @@ def strain_on_face(air: ti.template(), r, i, j, k):
 
 
 @ti.func
-def layer_length_limit(air: ti.template(), r, i, j):
+def layer_mixing_limit(air: ti.template(), r, i, j):
     """Largest mixing length [m] that the thickness of the layer over the floor allows."""
     limit = air.numbers.length_most[r]
     if air.numbers.length_share[r] > 0.0:
@@ -76,7 +76,7 @@ def layer_length_limit(air: ti.template(), r, i, j):
 
 
 @ti.func
-def wall_length_limit(air: ti.template(), r, j, k):
+def wall_mixing_limit(air: ti.template(), r, j, k):
     """Largest mixing length [m] that walls beside and above allow."""
     (numbers,) = ti.static((air.numbers,))
     limit = numbers.length_most[r]
@@ -94,21 +94,21 @@ def wall_length_limit(air: ti.template(), r, j, k):
 def set_mixing_length_viscosity(air_out: ti.template(), r, i, j):
     """Mixing length and eddy viscosity on the inner faces of a column of cells."""
     root = real(0.0)
-    most = layer_length_limit(air_out, r, i, j)
-    below = strain_in_cell(air_out, r, i, j, 0)
+    most = layer_mixing_limit(air_out, r, i, j)
+    below = squared_strain_in_cell(air_out, r, i, j, 0)
     for k in range(1, air_out.cells[2]):
         speed = horizontal_velocity(air_out, r, i, j, k - 1).norm()
         length, root_here = floor_mixing_length(air_out, r, k, root, speed)
-        length, root = ti.min(ti.min(length, most), wall_length_limit(air_out, r, j, k)), root_here
-        here = strain_in_cell(air_out, r, i, j, k)
-        strain = strain_on_face(air_out, r, i, j, k) + 0.5 * (below + here)
+        length, root = ti.min(ti.min(length, most), wall_mixing_limit(air_out, r, j, k)), root_here
+        here = squared_strain_in_cell(air_out, r, i, j, k)
+        strain = face_strain_squared(air_out, r, i, j, k) + 0.5 * (below + here)
         air_out.length[r, i, j, k] = length
         air_out.eddy_face[r, i, j, k] = length * length * ti.sqrt(strain)
         below = here
 
 
 @ti.func
-def floor_friction(air: ti.template(), r, i, j):
+def floor_friction_velocity(air: ti.template(), r, i, j):
     """Friction velocity of the floor below a column of cells [m s-1]; 0 over a floor without friction."""
     friction = real(0.0)
     if ti.static(air.kinds["z_low"] in ("wall", "rough")):
@@ -118,7 +118,7 @@ def floor_friction(air: ti.template(), r, i, j):
         speed = ti.sqrt(relative[0] * relative[0] + relative[1] * relative[1])
         friction = ti.sqrt(nu * speed / distance)
         if ti.static(air.kinds["z_low"] == "rough"):
-            friction = rough_side_friction(air, r, FLOOR, speed, distance)
+            friction = rough_friction_velocity(air, r, FLOOR, speed, distance)
     return friction
 
 
@@ -126,7 +126,7 @@ def floor_friction(air: ti.template(), r, i, j):
 def set_smagorinsky_viscosity(air_out: ti.template(), r, i, j):
     """Eddy viscosity of scales below the grid, in cells."""
     (numbers,) = ti.static((air_out.numbers,))
-    friction, ground = floor_friction(air_out, r, i, j), air_out.face[r, 0]
+    friction, ground = floor_friction_velocity(air_out, r, i, j), air_out.face[r, 0]
     if ti.static(air_out.model.exchange):
         friction, ground = numbers.friction_velocity[r], numbers.ground[r]
     area = numbers.width[r][0] * numbers.width[r][1]
@@ -139,8 +139,8 @@ def set_smagorinsky_viscosity(air_out: ti.template(), r, i, j):
             damping = 1.0 - ti.exp(-distance * friction / (numbers.van_driest[r] * numbers.viscosity[r]))
             near = numbers.karman[r] * distance * ti.max(damping, SMALLEST)
             squares += 1.0 / (near * near)
-        upwards = strain_on_face(air_out, r, i, j, k) + strain_on_face(air_out, r, i, j, k + 1)
-        strain = strain_in_cell(air_out, r, i, j, k) + 0.5 * upwards
+        upwards = face_strain_squared(air_out, r, i, j, k) + face_strain_squared(air_out, r, i, j, k + 1)
+        strain = squared_strain_in_cell(air_out, r, i, j, k) + 0.5 * upwards
         air_out.eddy_cell[r, i, j, k] = ti.sqrt(strain) / squares
 
 

@@ -32,7 +32,7 @@ def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
 
 
 @ti.func
-def rough_side_friction(air: ti.template(), r, side, speed, distance):
+def rough_friction_velocity(air: ti.template(), r, side, speed, distance):
     """Friction velocity of a rough side [m s-1] by `wall_friction_velocity`."""
     (numbers,) = ti.static((air.numbers,))
     roughness, nu = numbers.side_roughness[r, side], numbers.viscosity[r]
@@ -47,13 +47,13 @@ def wall_conductance(air: ti.template(), kind: ti.template(), r, side, speed, di
         value = air.numbers.viscosity[r] / distance
     if ti.static(kind == "rough"):
         moving = ti.max(speed, SMALLEST)
-        friction = rough_side_friction(air, r, side, moving, distance)
+        friction = rough_friction_velocity(air, r, side, moving, distance)
         value = friction * friction / moving
     return value
 
 
 @ti.func
-def rough_length(below, above, roughness, karman):
+def rough_mixing_length(below, above, roughness, karman):
     """Mixing length between two cells over a rough floor [m]: kappa times the logarithmic mean height.
 
     l = kappa (z_2 - z_1) / ln((z_2 + z0) / (z_1 + z0))
@@ -93,14 +93,14 @@ def integrate_root_length(root, speed, rise, viscosity, sublayer, karman):
 def floor_mixing_length(air: ti.template(), r, k, root_below, speed):
     """Mixing length [m] on the lower face of layer k over the floor, and its root [m1/2].
 
-    Over a rough floor that of `rough_length`; else grown from `root_below` on the face below through layer k
-    - 1, where the air has `speed` [m s-1].
+    Over a rough floor that of `rough_mixing_length`; else grown from `root_below` on the face below through
+    layer k - 1, where the air has `speed` [m s-1].
     """
     (numbers,) = ti.static((air.numbers,))
     root, length = root_below, real(0.0)
     if ti.static(air.kinds["z_low"] == "rough"):
         below, above = air.centre[r, k - 1] - air.face[r, 0], air.centre[r, k] - air.face[r, 0]
-        length = rough_length(below, above, numbers.side_roughness[r, FLOOR], numbers.karman[r])
+        length = rough_mixing_length(below, above, numbers.side_roughness[r, FLOOR], numbers.karman[r])
     else:
         rise, nu = air.height[r, k - 1], numbers.viscosity[r]
         root = integrate_root_length(root_below, speed, rise, nu, numbers.sublayer[r], numbers.karman[r])

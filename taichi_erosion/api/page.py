@@ -84,7 +84,7 @@ class Page:
         return f"http://{LOOPBACK}:{self.port}/{self.token}/"
 
     @property
-    def tunnel(self) -> str:
+    def tunnel_hint(self) -> str:
         """How to reach it from another machine."""
         here = f"{self.port}:{LOOPBACK}:{self.port}"
         return f"from another machine: ssh -L {here} THIS_MACHINE, then the same address"
@@ -148,7 +148,7 @@ class Page:
             "begin": count if has_all else 0,
             "points": points,
             "kept": [state[0].time for state in session.states],
-            "is_changed": live.changes(session) > 0,
+            "is_changed": live.revision(session) > 0,
             "entries": str(hash(session.overrides)),
         }
 
@@ -266,7 +266,7 @@ class Handler(BaseHTTPRequestHandler):
 
 def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
     """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
-    live.keep_sample_of_numbers(session)
+    live.keep_sample(session)
     page = Page(session, script, turn)
     try:
         server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))

@@ -66,7 +66,7 @@ def parse_end_time(session: Session, *words: str) -> float:
 
 def set_command(session: Session, path: str, value: str) -> str:
     before = live.warnings_of_present_scene(session)
-    reply = live.set_entry(session, path, value)
+    reply = live.change_entry(session, path, value)
     new = [f"\nwarning: {each}" for each in live.warnings_of_present_scene(session) if each not in before]
     return f"{path} = {value} {reply}{''.join(new)}"
 
@@ -104,7 +104,9 @@ def measure_command(session: Session) -> str:
 def plot_command(session: Session, name: str, file: str) -> str:
     from taichi_erosion.report.figure_style import as_png, curve_figure
 
-    return str(live.write_file(session, Path(file), as_png(curve_figure(*live.curve(session, name), name))))
+    return str(
+        live.write_file(session, Path(file), as_png(curve_figure(*live.sampled_curve(session, name), name)))
+    )
 
 
 def watch_command(session: Session, *names: str) -> str:

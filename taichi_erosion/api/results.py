@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import out_of_range_text
-from taichi_erosion.evidence.words.part_words import acting_phrase
+from taichi_erosion.evidence.words.part_words import acting_text
 from taichi_erosion.tables.number_words import heading
 
 if TYPE_CHECKING:
@@ -125,9 +125,9 @@ class RaceResult(Result):
 
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""
-        from taichi_erosion.report.study_page import first_figure
+        from taichi_erosion.report.study_page import worst_place_figure
 
-        return first_figure(self.reply)
+        return worst_place_figure(self.reply)
 
 
 @dataclass(frozen=True, repr=False)
@@ -182,7 +182,7 @@ class DiscoveryResult(RaceResult):
     @property
     def sensitivity(self) -> pd.DataFrame:
         """Answers with a prior halved, and doubled."""
-        columns = {prior: map(acting_phrase, answers) for prior, answers in self.record.sensitivity.items()}
+        columns = {prior: map(acting_text, answers) for prior, answers in self.record.sensitivity.items()}
         return pd.DataFrame.from_dict(columns, orient="index", columns=["halved", "doubled"])
 
     @property

@@ -8,7 +8,7 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.execution.session import LIVE_WIND, Session, saved_state
 from taichi_erosion.scene import resolve
-from taichi_erosion.scene.paths import describe_entry_at_path, leaves, number_entry_at_path
+from taichi_erosion.scene.paths import describe_entry_at_path, leaf_entries, number_entry_at_path
 
 NOT_SET = "not set"  # an entry that a scene lacks
 STEERED = ("wind", "contact", "conditions", "gravity")  # sections of a page, in its order
@@ -34,7 +34,7 @@ def changed_entries(session: Session, before: str | None = None, after: str | No
     file = read_scene(session.path, (), session.effect_files)
     old = file if before is None else saved_state(session, before)[0].scene
     new = session.scene if after is None else saved_state(session, after)[0].scene
-    first, second = (dict(leaves(resolve(scene))) for scene in (old, new))
+    first, second = (dict(leaf_entries(resolve(scene))) for scene in (old, new))
     pairs = {path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted(first | second)}
     return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
@@ -86,7 +86,7 @@ def changeable_numbers(session: Session) -> list[dict[str, Any]]:
     """
     scene, rows = session.scene, []
     unstated = dict.fromkeys(f"conditions.{name}" for name in type(scene.conditions).model_fields)
-    for path, value in (unstated | dict(leaves(resolve(scene)))).items():
+    for path, value in (unstated | dict(leaf_entries(resolve(scene)))).items():
         section, _, name = path.partition(".")
         if section in STEERED and (section != "wind" or name in LIVE_WIND) and not isinstance(value, list):
             if number := number_entry_at_path(path):

@@ -15,7 +15,7 @@ from taichi_erosion.api.notebook import result_html, table_of_rows
 from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, changes_as_overrides, override_text
 from taichi_erosion.execution import session as sessions
-from taichi_erosion.execution.grain_fields import fields_now
+from taichi_erosion.execution.grain_fields import present_grain_fields
 from taichi_erosion.verification.effect_contract import refuse_unusable_effects
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class LiveSession:
     @cached_property
     def page(self) -> Page:
         """Its page, served on this machine from the first call on; `address` opens it in a browser."""
-        script = sessions.unused_name(Path("recordings") / f"{self.session.path.stem}-live.txt")
+        script = sessions.unused_path(Path("recordings") / f"{self.session.path.stem}-live.txt")
         return serve_page(self.session, script, self.turn)
 
     @property
@@ -94,7 +94,7 @@ class LiveSession:
         """
         from taichi_erosion.recording.export import field_table
 
-        return field_table([fields_now(self.session.sim, 0, at, width, extent)]).isel(time=0)
+        return field_table([present_grain_fields(self.session.sim, 0, at, width, extent)]).isel(time=0)
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""
@@ -127,7 +127,7 @@ class LiveSession:
 
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
-        sessions.set_entry(self.session, path, override_text(path, value).partition("=")[2])
+        sessions.change_entry(self.session, path, override_text(path, value).partition("=")[2])
         return self
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":
@@ -171,7 +171,7 @@ class LiveSession:
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
         from taichi_erosion.report.figure_style import curve_figure
 
-        return curve_figure(*sessions.curve(self.session, name), name)
+        return curve_figure(*sessions.sampled_curve(self.session, name), name)
 
     @property
     def warnings(self) -> list[str]:
@@ -197,7 +197,7 @@ class LiveSession:
 
     def _repr_html_(self) -> str:
         frame = f'<iframe src="{self.page.address}" width="100%" height="{PAGE_HEIGHT}"></iframe>'
-        return frame + result_html("", [self.page.tunnel], [])
+        return frame + result_html("", [self.page.tunnel_hint], [])
 
 
 def wait_for_turn(method: Callable[..., Any]) -> Callable[..., Any]:

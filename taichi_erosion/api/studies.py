@@ -87,7 +87,7 @@ class Study:
         from taichi_erosion.evidence.answers.predictions import predict_study
 
         with TemporaryDirectory() as folder:
-            file = table_file(table, Path(folder) / "conditions")
+            file = path_of_table(table, Path(folder) / "conditions")
             return run_study_command(self, PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
@@ -163,10 +163,10 @@ def new_study(
     grains["effects"] = tuple(map(Path, grains.get("effects", ())))
     of_table = TableOptions(dict(observables or {}), dict(conditions or {}), dict(units or {}))
     wishes = NewStudyOptions(of_table, None if out is None else Path(out), apparatus, closed_form, **grains)
-    return study(write_study(table_file(table, out), wishes, lambda question, guess: guess)["study"])
+    return study(write_study(path_of_table(table, out), wishes, lambda question, guess: guess)["study"])
 
 
-def table_file(table: TableLike, out: PathLike | None) -> Path:
+def path_of_table(table: TableLike, out: PathLike | None) -> Path:
     """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
     if isinstance(table, str | Path):
         return Path(table)

@@ -77,7 +77,7 @@ def calibrate(
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
         runner = DesignRunner(file, ledger, workers, progress, function, stages)
         try:
-            run_steps(calibration, runner, steps)
+            run_further_steps(calibration, runner, steps)
         finally:
             close_ledger(ledger)
         records = (run.result.record for run in runner.runs)
@@ -107,7 +107,7 @@ def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool)
     ListedFolder(file.folder).refuse_foreign_files([*tables, *last], force)
 
 
-def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
+def run_further_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
     document, labels = calibration.document, calibration.file.labels
     screening = calculate.run_screening(runner)
@@ -123,7 +123,7 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
     document["climb"] = design_rows_document(path.design) | {"best": path.best + 1}
     if "surface" not in steps:
         return
-    factors = calculate.surface_factors(runner, screening, path)
+    factors = calculate.surface_factor_ranges(runner, screening, path)
     surface = calibration.surface = calculate.fit_response_surface(runner, factors)
     write_design(calibration, "surface", surface.design)
     document["surface"] = surface_document(surface, labels)
@@ -140,9 +140,9 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
         "values": {name: column.tolist() for name, column in design.responses.items()},
         "tests": {name: asdict(test) for name, test in tests.items()},
     }
-    values = calculate.complete_settings(calibration.file, design.settings(0)).items()
+    values = calculate.add_unvaried_settings(calibration.file, design.settings(0)).items()
     rounded = {path: float(f"{value:.{DIGITS}g}") for path, value in values}
-    overrides = calculate.scene_changes(calibration.file, rounded)
+    overrides = calculate.scene_overrides(calibration.file, rounded)
     paths = [write_calibrated_scene(calibration.file, scene, overrides) for scene in calibration.file.scenes]
     document["calibrated_scenes"] = [str(path) for path in paths]
 

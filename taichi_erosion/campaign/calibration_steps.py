@@ -28,7 +28,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import SIMULATE, run_requests
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of_file
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -72,7 +72,7 @@ def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> desi
     file, report = runner.file, runner.progress
     first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
     plan = [(int(row), scene) for row in np.argsort(design.run_order) for scene in file.scenes]
-    settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
+    settings = [add_unvaried_settings(file, design.settings(row)) for row in range(len(design))]
     requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
     place, count = runner.stages.index(stage), len(runner.stages)  # every stage counts alike
     results = run_requests(
@@ -96,13 +96,13 @@ def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> desi
     return design.with_responses(**columns)
 
 
-def complete_settings(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
+def add_unvaried_settings(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
     """Value of every parameter of the study; one that a design does not vary stays at its centre."""
     centres = {path: 0.5 * (entry.low + entry.high) for path, entry in file.study.parameters.items()}
     return centres | settings
 
 
-def scene_changes(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
+def scene_overrides(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
     """PATH=VALUE changes of a scene, those that hold for all runs first."""
     entries = file.study.parameters
     links = {path: value for main, value in settings.items() for path in entries[main].also}
@@ -121,7 +121,7 @@ def design_request(
             "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
             "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
         }
-    return scene_request(scene, scene_changes(file, settings), seed, file.effect_files, **extra)
+    return request_of_file(scene, scene_overrides(file, settings), seed, file.effect_files, **extra)
 
 
 def effects_and_limits(fit: Fit) -> tuple[list[Effect], EffectLimits]:
@@ -213,7 +213,7 @@ def mean_centre_response(design: designs.Design, name: str, otherwise: float) ->
     return float(finite.mean()) if len(finite) else otherwise
 
 
-def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[designs.Factor]:
+def surface_factor_ranges(runner: DesignRunner, screening: Screening, path: Climb) -> list[designs.Factor]:
     """Ranges around the best point of the climb, moved where they would leave the limits."""
     study = runner.file.study
     factors = []

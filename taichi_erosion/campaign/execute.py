@@ -123,7 +123,7 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
     """Lease batches for free workers; runs that another parent leases are tried again later."""
     waiting = [campaign.requests[key] for key, (state, _) in remaining.items() if state == "waiting"]
     deaths = {key: deaths for key, (_, deaths) in remaining.items()}
-    while waiting and campaign.pool.free_slots():
+    while waiting and campaign.pool.count_free_slots():
         batch = next_batch(waiting, deaths, campaign.pool.worker_count)
         waiting = [request for request in waiting if request not in batch]
         leased = set(ledgers.lease_runs(campaign.ledger, [request.key for request in batch]))

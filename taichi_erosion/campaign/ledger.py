@@ -18,7 +18,7 @@ from typing import Any
 
 from taichi_erosion.campaign.request import RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.measures.result import without_nan
+from taichi_erosion.measures.result import nan_to_none
 
 LEDGER = "ledger.sqlite"
 LEASE = 60.0  # s without a heartbeat after which a run is given to others
@@ -154,7 +154,7 @@ def process_exists(process: int) -> bool:
 def record_result(ledger: Ledger, key: str, record: dict[str, Any]) -> None:
     """Enter the result of a run, unless another parent was first."""
     failure = record.get("failure")
-    text = json.dumps(without_nan(record), allow_nan=False)
+    text = json.dumps(nan_to_none(record), allow_nan=False)
     row = ("failed" if failure else "done", text, failure, record.get("wall_s"), time.time(), key)
     with ledger.database.transaction() as sql:
         sql.execute(

@@ -54,7 +54,7 @@ class FinishedBatch:
     is_worker_dead: bool = False  # the worker is gone
 
 
-def resolve_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
+def import_work_context(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
     """The context manager of "module:function"."""
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)
@@ -66,13 +66,13 @@ WORKER: list[tuple[RunFunction, Ledger]] = []  # of this process, where it is a 
 def start_local_worker(name: str, folder: Path) -> None:
     """First call in a local worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    threading.Thread(target=exit_with_parent, daemon=True).start()
     left_at_end = ExitStack()
-    WORKER.append((left_at_end.enter_context(resolve_work(name)()), open_ledger(folder)))
+    WORKER.append((left_at_end.enter_context(import_work_context(name)()), open_ledger(folder)))
     Finalize(None, left_at_end.close, exitpriority=0)
 
 
-def end_with_parent() -> None:
+def exit_with_parent() -> None:
     """Leave when the parent is gone: nobody would go on with the results."""
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -84,19 +84,19 @@ def run_in_local_worker(batch: Batch) -> Records:
     """A batch in a local worker."""
     ((run, ledger),), records = WORKER, Records()
 
-    def keep_record(place: int, record: dict[str, Any]) -> None:
+    def store_record(place: int, record: dict[str, Any]) -> None:
         records.append((place, record))
         with suppress(BadInput):  # the parent enters it again and says why that fails
             record_result(ledger, batch.keys[place], record)
 
-    run(batch.payloads, keep_record)
+    run(batch.payloads, store_record)
     return records
 
 
 def run_on_dask(name: str, batch: Batch) -> Records:
     """A batch on a Dask worker."""
     records: Records = []
-    with resolve_work(name)() as run:
+    with import_work_context(name)() as run:
         run(batch.payloads, lambda place, record: records.append((place, record)))
     return records
 
@@ -116,7 +116,7 @@ class Pool:
         """Number of workers; of a cluster at least one is expected to come."""
         return max(len(self.client.nthreads()), 1) if self.client else len(self.processes)
 
-    def free_slots(self) -> int:
+    def count_free_slots(self) -> int:
         """Batches that could be submitted now."""
         return max((QUEUE if self.client else 1) * self.worker_count - len(self.in_flight), 0)
 
@@ -147,9 +147,11 @@ class Pool:
         if not self.in_flight:
             time.sleep(timeout)
         futures, _ = wait(self.in_flight, timeout, FIRST_COMPLETED)
-        return [self.end_of(future, *self.in_flight.pop(future)) for future in futures]
+        return [self.finished_batch_of(future, *self.in_flight.pop(future)) for future in futures]
 
-    def end_of(self, future: Future[Records], batch: Batch, executor: Executor | None) -> FinishedBatch:
+    def finished_batch_of(
+        self, future: Future[Records], batch: Batch, executor: Executor | None
+    ) -> FinishedBatch:
         """What came of one batch; a local worker that died is replaced."""
         try:
             return FinishedBatch(batch, future.result())

@@ -65,19 +65,19 @@ class RunResult:
         return nan if measure is None else float(measure)
 
 
-def scene_request(
+def request_of_file(
     path: Path, overrides: Sequence[str], seed: int, effect_files: checks.EffectFiles = (), **extra: Any
 ) -> RunRequest:
     """Request of one scene file with PATH=VALUE overrides and a seed. Raises BadInput for what cannot run.
 
-    `extra` may be what `request_of` takes beside: `device`, a study's [campaign]; `record` (file of a
+    `extra` may be what `request_of_scene` takes beside: `device`, a study's [campaign]; `record` (file of a
     recording) and `properties` (columns of rerun's table of runs, by group), which change no result and are
     not in the key.
     """
-    return request_of(checks.read_scene(path, tuple(overrides), effect_files), seed, **extra)
+    return request_of_scene(checks.read_scene(path, tuple(overrides), effect_files), seed, **extra)
 
 
-def request_of(
+def request_of_scene(
     scene: Scene,
     seed: int,
     record: Path | None = None,
@@ -137,7 +137,7 @@ def work_estimate(scene: Scene) -> float:
 
 @contextmanager
 def simulation_function() -> Iterator[RunFunction]:
-    """A run function for payloads of `request_of`; its ensembles take over the fields of the one before."""
+    """A run function for payloads of `request_of_scene`; ensembles take over the fields of those before."""
     from taichi_erosion.core.device import stop_device
     from taichi_erosion.core.effect_file import compile_failure_text
     from taichi_erosion.execution.ensemble import ReplicaRequest, run_replicas_reusing_buffers

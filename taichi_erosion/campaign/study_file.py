@@ -19,7 +19,7 @@ from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.scene.load import error_line, error_lines, read_toml, tuples_in
+from taichi_erosion.scene.load import error_lines, first_error_line, lists_to_tuples, read_toml
 from taichi_erosion.scene.paths import DIALECT
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 
@@ -356,7 +356,7 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
 def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:
     """Study of a TOML file in which `problems` finds none; raises BadInput with one line."""
     name = one_line_name(path)
-    table = tuples_in(read_toml(path, "study"))
+    table = lists_to_tuples(read_toml(path, "study"))
     if isinstance(candidates := table.get("candidates"), dict):  # sections of single effects go apart
         single = {key: entry for key, entry in candidates.items() if key not in ("effects", "mechanisms")}
         names = candidates.get("effects", ())
@@ -370,7 +370,7 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
         lines = [line.replace("candidates.tables.", "candidates.") for line in lines]
         raise BadInput(*(f"{name}: {line}" for line in lines)) from None
     except (OverflowError, RecursionError) as error:
-        raise BadInput(f"{name}: cannot be used: {error_line(error)}") from None
+        raise BadInput(f"{name}: cannot be used: {first_error_line(error)}") from None
     if lines := list(problems(file)):
         raise BadInput(*(f"{name}: {line}" for line in lines))
     return file
@@ -396,7 +396,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
         if last not in table or table[last] != value:
             table[last] = value
             is_inline = isinstance(table, InlineTable)  # a comment would hide its end
-            set_comment(table[last], "" if is_inline else note)
+            set_entry_comment(table[last], "" if is_inline else note)
         result = tomlkit.dumps(document)
         if toml_entry(result, path) == value:
             return result
@@ -405,7 +405,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
     raise BadInput(f"{'.'.join(path)}: could not be set to {value!r} in the file; set it by hand")
 
 
-def set_comment(item: Any, note: str) -> None:
+def set_entry_comment(item: Any, note: str) -> None:
     """Replace the comment beside an entry; an empty note removes it."""
     item.trivia.comment, item.trivia.comment_ws = (f"# {note}", "  ") if note else ("", "")
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import RunResult, scene_request
+from taichi_erosion.campaign.request import RunResult, request_of_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, make_parent_folder
 from taichi_erosion.execution import Report
@@ -61,7 +61,7 @@ def sweep_entry(
     seeds = [first.run.seed + k for k in range(replicas or first.run.replicas)]
     if not first.measure:
         raise BadInput(f"{scene}: has no [measure], so a sweep has no curve")
-    requests = [scene_request(scene, one, seed, files) for one in entries for seed in seeds]
+    requests = [request_of_file(scene, one, seed, files) for one in entries for seed in seeds]
     make_parent_folder(folder / TABLE)
     ledger = open_ledger(folder)
     try:
@@ -69,10 +69,10 @@ def sweep_entry(
     finally:
         close_ledger(ledger)
     rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
-    return [point_of(v, name, row) for name in first.measure for v, row in zip(values, rows, strict=True)]
+    return [sweep_point(v, name, row) for name in first.measure for v, row in zip(values, rows, strict=True)]
 
 
-def point_of(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
+def sweep_point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
     """One measure of the runs of one value; values that say nothing are left out and told."""
     measures = [result.record.get("measures", {}).get(name, {}) for result in results]
     blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in measures]

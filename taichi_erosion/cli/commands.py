@@ -97,7 +97,7 @@ def use_engine(name: str | None) -> str | None:
 
 
 @app.callback()
-def program(
+def set_global_options(
     context: typer.Context,
     version: Annotated[
         bool, Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
@@ -191,7 +191,7 @@ def sweep(
     """Run a scene along values of one entry; write the measures with their scatter, and a picture."""
     from taichi_erosion.campaign import sweep as sweeps
     from taichi_erosion.core.files import ListedFolder
-    from taichi_erosion.measures.result import without_nan
+    from taichi_erosion.measures.result import nan_to_none
     from taichi_erosion.report.figure_style import as_png, sweep_figure
 
     path, _ = sweeps.parse_sweep_values(over)
@@ -207,7 +207,7 @@ def sweep(
     files = sweeps.write_sweep(folder, over, points, as_png(sweep_figure(path, curves)))
     rows = [asdict(one) for one in points]
     document = {"path": path, "points": rows, "files": [str(file) for file in files]}
-    output.print_result(without_nan(document), as_json, output.print_sweep)
+    output.print_result(nan_to_none(document), as_json, output.print_sweep)
 
 
 def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
@@ -246,7 +246,7 @@ def live(
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.api.page import serve_page
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.execution.session import open_session, unused_name
+    from taichi_erosion.execution.session import open_session, unused_path
 
     if effect:
         from taichi_erosion.verification.effect_contract import refuse_unusable_effects
@@ -254,12 +254,12 @@ def live(
         for sentence in output.effect_check_lines(refuse_unusable_effects(effect)):
             typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
-    path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
+    path = record or unused_path(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
     if record and record.exists():
         raise BadInput(f"{record}: exists; name another file, for a session cannot be repeated")
     page = serve_page(session, path.with_suffix(".txt"), threading.Lock(), port) if web else None
     if page:
-        typer.echo(f"page: {page.address}\n{page.tunnel}", err=True)
+        typer.echo(f"page: {page.address}\n{page.tunnel_hint}", err=True)
     run_prompt(session, path, page)
 
 
@@ -406,7 +406,7 @@ def profile(
     typer.echo(f"next: {shell_command('study', 'new', csv_file)}")
 
 
-def source_module(name: str) -> ModuleType | None:
+def import_source_module(name: str) -> ModuleType | None:
     """Module beside the package by its dotted name; None where the program is installed without its tree."""
     if not (ROOT / name.replace(".", "/")).with_suffix(".py").is_file():
         return None
@@ -427,7 +427,7 @@ def verify(
     def print_verdict(claim: "Claim") -> None:
         typer.echo(f"{claim.id} {output.claim_mark(claim.passed)}: {claim.claim}", err=True)
 
-    full = source_module("tests.verification.ladder")
+    full = import_source_module("tests.verification.ladder")
     ladder = full.LADDER if full else closed_forms.LADDER
     if full is None:
         typer.echo(f"short list {', '.join(ladder.checks)}; a source tree runs all claims", err=True)
@@ -453,12 +453,12 @@ def bench(
     if (large and quick) or ((large or quick) and arch in (None, "cpu")):
         raise BadInput("--large or --quick, not both, is for --arch cuda")
     size = "large" if large else "quick" if quick else "usual"
-    cases = source_module("benchmarks.cases")
+    cases = import_source_module("benchmarks.cases")
     if cases is None:
         raise BadInput("bench: the timed cases are in the source tree, not in the installed program")
     with progress_report("timing") as progress:
         document = cases.run_benchmarks(progress, **typed_options(arch=arch, size=size))
-    output.print_result(document, as_json, output.print_cases)
+    output.print_result(document, as_json, output.print_benchmark)
 
 
 @app.command(**command_help("schema", CHECK))

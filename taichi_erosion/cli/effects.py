@@ -161,7 +161,7 @@ def print_measured_table(title: str, columns: tuple[str, ...], rows: list[dict[s
 def print_parameters(effect: "Effect") -> None:
     """Entries of the effect in a scene file."""
     from taichi_erosion.core.effect import STRENGTH_MOST
-    from taichi_erosion.verification.effect_contract import own_conditions
+    from taichi_erosion.verification.effect_contract import conditions_to_declare
 
     above = f"0: absent, 1: textbook; more is simulated with a warning, up to {STRENGTH_MOST:g}"
     rows = [("strength", "1", "1", f"0 to {effect.most:g}", above)]
@@ -174,7 +174,7 @@ def print_parameters(effect: "Effect") -> None:
         output.print_table("state of every grain", ("number", "unit", "meaning"), state)
     if effect.reads:
         typer.echo(f"reads the conditions {', '.join(effect.reads)}")
-    for name in own_conditions(effect):
+    for name in conditions_to_declare(effect):
         typer.echo(f"a scene declares {name}: [conditions.extra] {name} = {{ unit = ..., value = ... }}")
     if effect.uncertain:
         typer.echo(f"calibrated with the strength: {', '.join(effect.uncertain)} (published values differ)")
@@ -253,7 +253,7 @@ def law_effect_text(name: str, source: Path) -> str:
     if not (result.name.endswith(RESULT) and result.is_file()):
         raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study that has one")
     title = name.replace("_", " ").capitalize()
-    entries = law_entries(*read_law(result), *study_column_names(study))
+    entries = law_file_entries(*read_law(result), *study_column_names(study))
     return effect_file_text("mechanism_law", name=name, title=title, source=result.name, **entries)
 
 
@@ -298,7 +298,7 @@ def study_column_names(path: Path) -> tuple[Mapping[str, str], Mapping[str, floa
     return set_by, {name: parse_scale(unit).factor for name, unit in units.items()}
 
 
-def law_entries(
+def law_file_entries(
     law: "LawPart", doses: Sequence["DosePart"], set_by: Mapping[str, str], factors: Mapping[str, float]
 ) -> dict[str, Any]:
     """Entries of `mechanism_law.txt`. Raises BadInput for a column that sets no condition."""

@@ -169,7 +169,9 @@ def predict(
     with progress_report("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
     output.print_result(
-        reply.document, as_json, lambda _: output.print_parts(reply.about["set_up"], reply.answer())
+        reply.document,
+        as_json,
+        lambda _: output.print_fault_and_answer(reply.about["set_up"], reply.answer()),
     )
     if out:
         table = prediction_table(reply).to_csv(index=False, float_format="%.6g", lineterminator="\n")

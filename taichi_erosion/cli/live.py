@@ -20,7 +20,7 @@ from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.execution.session import Session
 from taichi_erosion.recording import stream
 from taichi_erosion.scene import resolve
-from taichi_erosion.scene.paths import leaves
+from taichi_erosion.scene.paths import leaf_entries
 
 PROMPT = "erosion> "
 WATCH_INTERVAL = 1.0  # s of wall time between two lines of watched numbers
@@ -65,7 +65,7 @@ def enable_completion(session: Session) -> None:
         return
 
     def nth_completion(text: str, state: int) -> str | None:
-        paths = sorted(path for path, _ in leaves(resolve(session.scene)))
+        paths = sorted(path for path, _ in leaf_entries(resolve(session.scene)))
         completions = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
         return completions[state] if state < len(completions) else None
 
@@ -79,7 +79,7 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
 
     An error ends a session of a pipe; in a terminal it is printed. A page stays until Ctrl-C.
     """
-    recorder = live.record_session(session, path)
+    recorder = live.begin_recording(session, path)
     session.callbacks.append(Sampler())
     for sentence in live.warnings_of_present_scene(session):
         typer.echo(f"warning: {sentence}")

@@ -30,9 +30,9 @@ NUMBERS = ("number", "start", "if nothing is missing", "now", "width over prior 
 
 def print_json(document: Record) -> None:
     """Print one JSON document; numbers that are not finite become null."""
-    from taichi_erosion.measures.result import json_value, without_nan
+    from taichi_erosion.measures.result import json_value, nan_to_none
 
-    typer.echo(json.dumps(without_nan(document), default=json_value, allow_nan=False))
+    typer.echo(json.dumps(nan_to_none(document), default=json_value, allow_nan=False))
 
 
 def print_result(document: Record, as_json: bool, print_text: Callable[[Any], None]) -> None:
@@ -92,8 +92,8 @@ def print_run(document: Record, verbose: bool = False) -> None:
     print_lines(warnings)
     if verbose:
         print_lines(words.run_notes(document), "note: ")
-        typer.echo(words.run_cost_and_origin(document))
-    print_lines(words.next_steps(document))
+        typer.echo(words.cost_and_origin_text(document))
+    print_lines(words.step_texts(document))
 
 
 def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
@@ -131,17 +131,17 @@ def claim_mark(holds: bool) -> str:
     return "ok" if holds else "FAILED"
 
 
-def print_cases(document: Record) -> None:
+def print_benchmark(document: Record) -> None:
     """Print measured speeds: one row per case, one column per key, one line per stage."""
     cases = document["cases"]
     keys = tuple(dict.fromkeys(key for case in cases for key in case))
 
-    def cell(value: Any) -> str:
+    def cell_text(value: Any) -> str:
         if isinstance(value, Mapping):
             return "\n".join(f"{name} {number_text(share)}" for name, share in value.items())
         return number_text(value)
 
-    print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
+    print_table("speed", keys, ([cell_text(case.get(key)) for key in keys] for case in cases))
     count = f"{document['engine']} for {document['target']}; {document['cores']} cores"
     typer.echo(f"Kernels compiled by {count}.")
 
@@ -157,7 +157,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     room = max(MOST_LINES - len(answer.lines), 1)
     if not verbose and len(set_up) > room:
         set_up = [*set_up[: room - 1], f"{count_noun(len(set_up) - room + 1, 'sentence')} more: --verbose"]
-    print_parts(set_up, answer)
+    print_fault_and_answer(set_up, answer)
     if not verbose:
         return
     from taichi_erosion.evidence.words.answer_lines import sensitivity_table
@@ -186,7 +186,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 
 
-def print_parts(set_up: Iterable[str], answer: "Answer") -> None:
+def print_fault_and_answer(set_up: Iterable[str], answer: "Answer") -> None:
     """Print what is wrong with the set-up, and the sentences of an answer with its table between them."""
     print_lines((*set_up, *answer.missing, *answer.holds))
     if answer.table is not None:

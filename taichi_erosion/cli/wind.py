@@ -54,18 +54,18 @@ def survey_wind(
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
     if files:
-        announce(f"{beds} beds, {len(survey.winds)} winds: {words.cost_text(survey, usable_cores())}")
+        announce(f"{beds} beds, {len(survey.winds)} winds: {words.survey_cost_text(survey, usable_cores())}")
         announce(words.formula_line(surveys.survey_document(survey, {}, ())))
         with progress_report("wind") as progress:
             for name, document in surveys.run_survey(survey, folder, force, progress):
                 runs[name] = document
-                announce(f"{words.run_line(name, document)} after {document['wall_s']:.0f} s")
+                announce(f"{words.run_result_line(name, document)} after {document['wall_s']:.0f} s")
     answer = surveys.survey_document(survey, runs, files)
     if files:
-        from taichi_erosion.measures.result import json_value, without_nan
+        from taichi_erosion.measures.result import json_value, nan_to_none
         from taichi_erosion.report.pictures import survey_picture
 
-        write_atomic(files[0], json.dumps(without_nan(answer), indent=1, default=json_value).encode() + b"\n")
+        write_atomic(files[0], json.dumps(nan_to_none(answer), indent=1, default=json_value).encode() + b"\n")
         write_atomic(files[1], survey_picture(answer))
     output.print_result(answer, as_json, print_survey)
 

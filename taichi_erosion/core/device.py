@@ -70,7 +70,7 @@ def llvm_symbol_addresses(file: Path) -> tuple[int, int]:
     return int(function["value"][0]), int(table["value"][0])
 
 
-def processor_rows() -> tuple[str, dict[str, int]]:
+def processor_table_rows() -> tuple[str, dict[str, int]]:
     """What LLVM calls this processor, and the addresses of the rows of its table by name; ValueError."""
     maps = map(str.split, Path("/proc/self/maps").read_text(encoding="utf-8").splitlines())
     libraries = (words for words in maps if len(words) == 6 and "/taichi_python." in words[5])
@@ -109,7 +109,7 @@ def read_cpuinfo() -> dict[str, str]:
 
 
 @cache
-def widest_target() -> str:
+def widest_processor() -> str:
     """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
     if engine_name() != "taichi":
         keys = ("vendor_id", "cpu family", "model")
@@ -117,7 +117,7 @@ def widest_target() -> str:
     if sys.platform != "linux" or platform.machine() != "x86_64" or ti.__version__ != TAICHI:
         return platform.machine()
     try:
-        name, rows = processor_rows()
+        name, rows = processor_table_rows()
         if name == UNKNOWN and set(read_cpuinfo().get("flags", "").split()) >= WIDE_FLAGS:
             overwrite_processor_row(rows[UNKNOWN], rows[WIDE])
             name = f"{UNKNOWN}-as-{WIDE}"
@@ -140,7 +140,7 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     # the key of a kernel knows no processor, and its loops are laid out for one before it is kept
-    folder, offline = root / "taichi_erosion" / "kernels" / f"{widest_target()}{engine}", True
+    folder, offline = root / "taichi_erosion" / "kernels" / f"{widest_processor()}{engine}", True
     try:
         check_writable(folder / "any")
     except BadInput:  # Taichi makes its folder at exit even where it keeps nothing there, or crashes

@@ -94,7 +94,7 @@ def read_effect_files(
 @lru_cache(maxsize=MOST_FILES)
 def effect_in(file: EffectFile) -> Effect:
     """The effect that a file defines; the file is executed once. Raises BadInput."""
-    return require_effect(getattr(execute_text(file), MEMBER, None), str(file))
+    return require_effect(getattr(execute_effect(file), MEMBER, None), str(file))
 
 
 def require_effect(effect: Any, origin: str) -> Effect:
@@ -106,7 +106,7 @@ def require_effect(effect: Any, origin: str) -> Effect:
     return effect
 
 
-def execute_text(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
+def execute_effect(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
     """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
     name, source = f"effect_file_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
     linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)

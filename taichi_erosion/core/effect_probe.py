@@ -180,7 +180,7 @@ def make_device_probe(effect: Effect, bench: Bench) -> Probe:
                 numbers = asdict(state or fresh).items()
                 upload([(getattr(effects.states[0], name), [value]) for name, value in numbers], at)
         place = bench.grain if advances else getattr(bench, effect.place)
-        set_members(place, members)
+        write_members(place, members)
         if not advances:
             return evaluate_on_bench(effect, effects, bench)
         assert effect.grain_state is not None
@@ -192,7 +192,7 @@ def make_device_probe(effect: Effect, bench: Bench) -> Probe:
     return probe
 
 
-def set_members(place: Any, members: Mapping[str, Any]) -> None:
+def write_members(place: Any, members: Mapping[str, Any]) -> None:
     """Write the members of a struct field, 0 where one is not named."""
     zeros = {name: np.zeros(getattr(getattr(place, name), "n", 1)) for name in place.keys}
     upload([(getattr(place, name), [value]) for name, value in (zeros | dict(members)).items()])

@@ -45,7 +45,7 @@ def field_address(field: ti.template()) -> ti.u64:
     return ti.get_addr(field, ti.Vector([0 for _ in ti.static(range(len(field.shape)))]))
 
 
-def distance_from_root(node: Any) -> int:
+def byte_offset_from_root(node: Any) -> int:
     """Bytes from the start of a tree to the first number of a node."""
     distance = 0
     while node is not None:
@@ -78,12 +78,12 @@ def field_view(field: Any) -> NDArray[Any]:
         node = field.snode.ptr
         tree = node.get_snode_tree_id()
         if tree not in views.trees:
-            views.trees[tree] = field_address(field) - distance_from_root(node)
+            views.trees[tree] = field_address(field) - byte_offset_from_root(node)
         shape, inner, cell = field.shape, element_shape(field), node.parent.cell_size_bytes
         number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
         strides = (*byte_strides(shape, cell), *byte_strides(inner, number_type.itemsize))
         extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-        numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + distance_from_root(node))
+        numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + byte_offset_from_root(node))
         views.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
     return views.views[field]
 
@@ -161,14 +161,14 @@ def upload(pairs: list[tuple[Any, Any]], first: int = 0) -> None:
         return
     if is_host_memory():
         for field, values in pairs:
-            set_numbers(field_view(field)[first : first + rows], values)
+            write_cast_numbers(field_view(field)[first : first + rows], values)
         return
     columns = [np.asarray(values, np.float64).reshape(rows, -1) for _, values in pairs]
     table = np.concatenate(columns, axis=1)
     write_rows(first, np.ascontiguousarray(table), table_layout([field for field, _ in pairs]))
 
 
-def set_numbers(numbers_out: NDArray[Any], values: Any) -> None:
+def write_cast_numbers(numbers_out: NDArray[Any], values: Any) -> None:
     """Write values, cast from f64 as the device would; overflow is silent."""
     with np.errstate(over="ignore", invalid="ignore"):
         numbers_out[...] = np.asarray(values, np.float64).reshape(numbers_out.shape)
@@ -203,7 +203,7 @@ def fill_field(count: ti.i32, number: ti.f64, column_out: ti.template()):
 def write_field(field: Any, values: Any) -> None:
     """Write a whole field of any shape; a single number fills it."""
     if is_host_memory():
-        set_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))
+        write_cast_numbers(field_view(field), np.broadcast_to(values, field_view(field).shape))
     elif np.ndim(values) == 0 and len(field.shape) == 1:
         fill_field(field.shape[0], values, table_layout([field])[0])
     elif np.ndim(values) == 0:

@@ -17,7 +17,7 @@ order, so that the bits repeat.
 
 from math import pi
 
-from taichi_erosion.air.grid import cell_velocity, layer_of
+from taichi_erosion.air.grid import cell_velocity, layer_index
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.state import partition_first_rank, side_start
@@ -38,9 +38,9 @@ def share_below(air: ti.template(), r, height, radius, face):
 
 
 @ti.func
-def layer_range(air: ti.template(), r, height, radius):
+def sphere_layers(air: ti.template(), r, height, radius):
     """First and last layer that a sphere reaches."""
-    return layer_of(air, r, height - radius), layer_of(air, r, height + radius)
+    return layer_index(air, r, height - radius), layer_index(air, r, height + radius)
 
 
 @ti.func
@@ -106,15 +106,15 @@ def exchange_interval(world: ti.template(), coupling: ti.template(), r):
 
 
 @ti.func
-def implicit_rate(world: ti.template(), r, rate):
+def implicit_drag_rate(world: ti.template(), r, rate):
     """Rate at which frozen drag of this rate acts through the implicit steps of a grain [s-1]."""
     return rate / (1.0 + rate * ti.cast(world.replicas.time_step[r], real))
 
 
 @ti.func
-def mean_wind(air: ti.template(), r, position, radius):
+def mean_wind_on_sphere(air: ti.template(), r, position, radius):
     """Mean velocity of the air over the volume of a sphere [m s-1]."""
-    first, last = layer_range(air, r, position[2], radius)
+    first, last = sphere_layers(air, r, position[2], radius)
     mean = ti.Vector([real(0.0), real(0.0), real(0.0)])
     for corner in range(air.columns_per_grain):
         column, across = column_share(air, r, position, corner)
@@ -151,12 +151,12 @@ def deposit_grain(world_out: ti.template(), coupling_out: ti.template(), r, row,
     radius = ti.cast(grains.radius[i], real)
     position = wrapped_position(grains, world_out.replicas, r, i)
     mass, velocity = 1.0 / ti.cast(grains.mass_inverse[i], real), ti.cast(grains.velocity[i], real)
-    rate = implicit_rate(world_out, r, ti.cast(frozen_out.drag_rate[i], real))
+    rate = implicit_drag_rate(world_out, r, ti.cast(frozen_out.drag_rate[i], real))
     drag_kick = ti.cast(frozen_out.drag_kick[i], real)
     kick = rate * exchange_interval(world_out, coupling_out, r)
     volume = SPHERE_VOLUME * radius**3
-    mean = mean_wind(air, r, position, radius)
-    first, last = layer_range(air, r, position[2], radius)
+    mean = mean_wind_on_sphere(air, r, position, radius)
+    first, last = sphere_layers(air, r, position[2], radius)
     for corner in range(air.columns_per_grain):
         column, across = column_share(air, r, position, corner)
         below = real(0.0)

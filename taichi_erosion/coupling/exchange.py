@@ -32,7 +32,7 @@ from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import buffer_row, cell_wind, deposit_part, exchange_interval, part_count
 from taichi_erosion.coupling.gather import gather_grain, gather_partition
 from taichi_erosion.grains import World
-from taichi_erosion.grains.partition import barrier, owns_partition
+from taichi_erosion.grains.partition import owns_partition, wait_at_barrier
 from taichi_erosion.grains.sleep import update_sleep_states
 from taichi_erosion.grains.state import side_start
 
@@ -45,7 +45,7 @@ VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities
 
 
 @ti.func
-def sum_of_parts(world: ti.template(), coupling: ti.template(), r, c):
+def cell_sum_of_parts(world: ti.template(), coupling: ti.template(), r, c):
     """Volume, rate, drag source and vertical flow of all grains in a cell."""
     (sums,) = ti.static((coupling.sums,))
     row = buffer_row(world, r, 0)
@@ -96,7 +96,7 @@ def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
     """Void fraction and drag terms of one cell for the coming steps of the air."""
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     i, j, k = cell_indices(air_out, c)
-    volume, rate, drag_source, volume_flow = sum_of_parts(world, coupling_out, r, c)
+    volume, rate, drag_source, volume_flow = cell_sum_of_parts(world, coupling_out, r, c)
     cell = cell_volume(air_out, r, k)
     void = ti.max(1.0 - volume / cell, VOID_LEAST)
     air_out.void_fraction[r, i, j, k] = void
@@ -133,7 +133,7 @@ def return_residual(coupling_out: ti.template(), r, interval):
 
 
 @ti.func
-def column_drag(air: ti.template(), r, k):
+def layer_drag_force(air: ti.template(), r, k):
     """Force of the grains on a layer of a column of air [N m-3]."""
     force = exchanged_part(air, air.exchange_force[r, 0, 0, k])
     return force - air.exchange_coefficient[r, 0, 0, k] * cell_wind(air, r, ti.Vector([0, 0]), k)
@@ -147,7 +147,7 @@ def add_residual(coupling_out: ti.template(), r, interval):
         i, j, k = cell_indices(air, c)
         gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
         if ti.static(air.is_column):
-            gained = column_drag(air, r, k) * (interval * cell_volume(air, r, k))
+            gained = layer_drag_force(air, r, k) * (interval * cell_volume(air, r, k))
         exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - gained
 
 
@@ -169,12 +169,12 @@ def deposit_and_advance(
     for p in range(replicas_out.partitions[r]):
         if owns_partition(replicas_out, r, p, member, size):
             deposit_part(world_out, coupling_out, r, p)
-    phase = barrier(replicas_out, r, size, phase)
+    phase = wait_at_barrier(replicas_out, r, size, phase)
     if member == 0:
         update_air_loads(world_out, coupling_out, r)
         if advances:
             advance_loaded_column(world_out, coupling_out, r)
-    return barrier(replicas_out, r, size, phase)
+    return wait_at_barrier(replicas_out, r, size, phase)
 
 
 @ti.func
@@ -191,7 +191,7 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
                 gather_partition(world_out, coupling_out, r, p, is_last)
     if ti.static(world_out.has_state):
         # forces read state variables of grains of other partitions
-        phase = barrier(replicas_out, r, size, phase)
+        phase = wait_at_barrier(replicas_out, r, size, phase)
     if ti.static(world_out.sleeps):
         phase = update_sleep_states(world_out, r, member, size, phase)
     return phase
@@ -208,7 +208,7 @@ def set_spin_up_load(world: ti.template(), coupling_out: ti.template(), r, c, nu
 
 
 @ti.kernel
-def spin_up_round(
+def run_spin_up_round(
     r: ti.i32, number: ti.i32, anew: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
     """Some steps of the column of replica r over grains that keep their places, and its drag; round 0: none.
@@ -231,11 +231,11 @@ def spin_up_round(
         set_spin_up_load(world_out, coupling_out, r, c, number, anew)
 
 
-def spin_up(world: World, coupling: CouplingState, replica: int, anew: bool) -> None:
+def spin_up_column(world: World, coupling: CouplingState, replica: int, anew: bool) -> None:
     """Spin-up: steady profile of the column of a replica over grains that keep their places and velocities.
 
     The residual momentum is brought up to date first and kept: it belongs to the time before. Where that time
     does not count, because grains have been put back (`anew`), it is cleared.
     """
     for number in range(ROUNDS + 1):
-        spin_up_round(replica, number, int(anew), world, coupling)
+        run_spin_up_round(replica, number, int(anew), world, coupling)

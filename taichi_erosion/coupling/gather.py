@@ -14,7 +14,7 @@ from math import pi
 
 from taichi_erosion.core.effect_device import add_gusts, advance_states, total_drag_factor, total_grain_force
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import SPHERE_VOLUME, cell_wind, column_share, layer_range, share_below
+from taichi_erosion.coupling.deposit import SPHERE_VOLUME, cell_wind, column_share, share_below, sphere_layers
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first_rank, side_start
@@ -62,7 +62,7 @@ def gather_column(coupling: ti.template(), r, column, height, radius):
     """Velocity [m s-1], void fraction, -grad p [Pa m-1] and shear [s-1] around a grain in one column."""
     air, exchange = ti.static((coupling.air, coupling.exchange))
     i, j = column[0], column[1]
-    first, last = layer_range(air, r, height, radius)
+    first, last = sphere_layers(air, r, height, radius)
     velocity = ti.Vector([real(0.0), real(0.0), real(0.0)])
     void, pressure_force, below = real(0.0), 0.0 * velocity, real(0.0)
     for k in range(first, last + 1):
@@ -118,7 +118,7 @@ def gather_drag(world_out: ti.template(), coupling: ti.template(), r, i):
 
 
 @ti.func
-def grain_record(world: ti.template(), coupling: ti.template(), r, i, void, shear):
+def grain_for_effects(world: ti.template(), coupling: ti.template(), r, i, void, shear):
     """The grain at place i and the air around it, as effects read them."""
     grains, replicas = ti.static((world.grains, world.replicas))
     position = ti.cast(wrapped_position(grains, replicas, r, i), float)
@@ -187,7 +187,7 @@ def gather_grain(world_out: ti.template(), coupling: ti.template(), r, i, update
     if ti.static(coupling.has_air):
         void, shear = gather_drag(world_out, coupling, r, i)
     if ti.static(world_out.grain_effects.any or world_out.has_state):
-        grain = grain_record(world_out, coupling, r, i, void, shear)
+        grain = grain_for_effects(world_out, coupling, r, i, void, shear)
         if ti.static(world_out.has_state):
             if updates_state:
                 advance_states(world_out.pair_effects, r, grain, i)

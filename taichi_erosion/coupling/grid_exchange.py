@@ -9,9 +9,9 @@ Each replica exchanges at its own times: those that are selected take part. An e
 of grains are rebuilt, and `last_exchange` is its step, so that none is done twice.
 """
 
-from taichi_erosion.air.grid import apply_to_columns, store_void_fraction
+from taichi_erosion.air.grid import apply_to_columns, store_previous_void
 from taichi_erosion.air.pressure.conjugate_gradient import REPLICA_TOLERANCE
-from taichi_erosion.air.step import advance_active
+from taichi_erosion.air.step import advance_active_replicas
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
@@ -40,10 +40,10 @@ def gather_all_grains(world_out: ti.template(), coupling: ti.template(), r, upda
 
 
 @ti.func
-def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
+def match_replica_air(world_out: ti.template(), coupling_out: ti.template(), r):
     """Void fraction, drag terms and frozen drag of replica r from its present state; nothing advances."""
     deposit_all_grains(world_out, coupling_out, r)
-    apply_to_columns(store_void_fraction, coupling_out.air, r, r + 1)
+    apply_to_columns(store_previous_void, coupling_out.air, r, r + 1)
     gather_all_grains(world_out, coupling_out, r, False)
 
 
@@ -89,7 +89,7 @@ def each_selected_replica(
 
 def match_air_to_grains(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
     """Drag and void fraction of the selected replicas from their present state."""
-    each_selected_replica(match_air, count, chunk, world, coupling)
+    each_selected_replica(match_replica_air, count, chunk, world, coupling)
 
 
 def clear_residuals(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
@@ -101,5 +101,5 @@ def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk
     """One exchange of all grains of the selected replicas."""
     assert coupling.air is not None
     each_selected_replica(begin_exchange, count, chunk, world, coupling)
-    advance_active(coupling.air, count, chunk)
+    advance_active_replicas(coupling.air, count, chunk)
     each_selected_replica(end_exchange, count, chunk, world, coupling)

@@ -43,15 +43,15 @@ def passes(constants, contact):
 def checks(probe: Probe) -> Checks:
     bed = {"bed_height": 2e-3, "grain_diameter": 2e-4}
 
-    def free(height: float, chance: float = 0.5, depth: float = 0.01, **options: float) -> float:
+    def free_passage(height: float, chance: float = 0.5, depth: float = 0.01, **options: float) -> float:
         return probe(Params(height=5.0), bed, height=height, chance=chance, depth=depth, **options)
 
-    yield Check("grains above 2 mm + 5 d pass", free(3.05e-3), 1.0)
-    yield Check("grains below collide", free(2.95e-3), 0.0)
-    yield Check("just above they pass", free(3.01e-3), 1.0)
-    yield Check("at strength 0.6 pairs of a chance below pass", free(4e-3, 0.59, strength=0.6), 1.0)
-    yield Check("and the others collide", free(4e-3, 0.61, strength=0.6), 0.0)
-    yield Check("two inside each other do not explode in the bed", free(1e-3, depth=0.3), 1.0)
+    yield Check("grains above 2 mm + 5 d pass", free_passage(3.05e-3), 1.0)
+    yield Check("grains below collide", free_passage(2.95e-3), 0.0)
+    yield Check("just above they pass", free_passage(3.01e-3), 1.0)
+    yield Check("at strength 0.6 pairs of a chance below pass", free_passage(4e-3, 0.59, strength=0.6), 1.0)
+    yield Check("and the others collide", free_passage(4e-3, 0.61, strength=0.6), 0.0)
+    yield Check("two inside each other do not explode in the bed", free_passage(1e-3, depth=0.3), 1.0)
 
 
 EFFECT = effect_of(

@@ -39,14 +39,14 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     stroke = params.stroke * (diameter / gravity) ** 0.5
     standing = [name for name in scene.geometry if name not in scene.stages[0].remove]
 
-    def moving(name: str, velocity: float, duration: float) -> Stage:
+    def moving_stage(name: str, velocity: float, duration: float) -> Stage:
         orders = {wall: Movement(velocity=(0.0, 0.0, velocity)) for wall in standing}
         return Stage(name=name, until="time", duration_max=duration, remove=(), move=orders)
 
     taps: list[Stage] = []
     for k in range(round(params.taps)):
-        taps += [moving(f"tap{k}_up", speed, stroke), moving(f"tap{k}_down", -speed, stroke)]
-        taps.append(moving(f"tap{k}_rest", 0.0, max(params.rest * stroke, stroke)))
+        taps += [moving_stage(f"tap{k}_up", speed, stroke), moving_stage(f"tap{k}_down", -speed, stroke)]
+        taps.append(moving_stage(f"tap{k}_rest", 0.0, max(params.rest * stroke, stroke)))
     return scene.model_copy(update={"stages": (scene.stages[0], *taps, *scene.stages[1:])})
 
 

@@ -52,7 +52,9 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_contacts(
         with_law,
         lambda contact: contact.model_copy(
-            update={"friction_rolling": share * contact.friction_rolling + friction / contact.rolling_lever}
+            update={
+                "friction_rolling": share * contact.friction_rolling + friction / contact.rolling_radius_ratio
+            }
         ),
     )
 

@@ -20,7 +20,7 @@ from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_wider_fill
-from taichi_erosion.scene.preparation.sizes import mean_cube
+from taichi_erosion.scene.preparation.sizes import mean_cubed_diameter
 from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
 SCATTER = 0.02  # half width of each of the two classes over its diameter [1]
@@ -49,9 +49,9 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         raise BadInput(f"effects.sheltering: strength times share = {share:g} must stay below 1")
     rows = (single_size_row(size.diameter, 1.0 - share), single_size_row(params.ratio * size.diameter, share))
     mixed = Sieve(law="sieve", rows=rows, table=None)
-    count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(mixed)))
+    count = max(1, round(scene.grains.count * size.diameter**3 / mean_cubed_diameter(mixed)))
     lagged = with_section(scene, "grains", size=mixed, count=count)
-    mean = mean_cube(mixed) ** (1.0 / 3.0) / size.diameter
+    mean = mean_cubed_diameter(mixed) ** (1.0 / 3.0) / size.diameter
     return with_wider_fill(lagged, (1.0 + SCATTER) * params.ratio, mean)
 
 

@@ -41,9 +41,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if factor == 1.0:
         return scene
     size, kinds = scene.grains.size, scene.grains.kinds
-    grown = {
-        k: kind.model_copy(update={"size": scale_diameters(kind.size, factor)}) for k, kind in kinds.items()
-    }
+    grown = {k: v.model_copy(update={"size": scale_diameters(v.size, factor)}) for k, v in kinds.items()}
     resized = with_section(scene, "grains", size=size and scale_diameters(size, factor), kinds=grown)
     return with_shorter_step(with_wider_fill(resized, factor), factor)
 

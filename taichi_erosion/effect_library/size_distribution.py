@@ -23,7 +23,7 @@ from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
-from taichi_erosion.scene.preparation.sizes import mean_cube
+from taichi_erosion.scene.preparation.sizes import mean_cubed_diameter
 from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
 CLASSES = 50  # sieves; d90 over d50 is then right to 2e-4 for cuts up to 2, to 1e-3 beyond [1]
@@ -51,8 +51,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     edges = size.diameter * np.exp(sigma * deviates)
     rows = tuple((float(a), float(b), float(w)) for a, b, w in zip(edges, edges[1:], shares, strict=False))
     widest, sizes = exp(params.cut * sigma), Sieve(law="sieve", rows=rows, table=None)
-    count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(sizes)))
-    mean = mean_cube(sizes) ** (1.0 / 3.0) / size.diameter
+    count = max(1, round(scene.grains.count * size.diameter**3 / mean_cubed_diameter(sizes)))
+    mean = mean_cubed_diameter(sizes) ** (1.0 / 3.0) / size.diameter
     spread = with_section(scene, "grains", size=sizes, count=count)
     return with_shorter_step(with_wider_fill(spread, widest, mean), 1.0 / widest)
 
@@ -77,7 +77,7 @@ def checks(probe: Probe) -> Checks:
     finest, coarsest = exp(-2.0 * sigma), exp(2.0 * sigma)  # over the median [1]
     yield Check("the coarsest grains are two deviations up", size.rows[-1][1], 1e-3 * coarsest, rtol=1e-4)
     yield Check("the finest two deviations down", size.rows[0][0], 1e-3 * finest, rtol=1e-4)
-    volume = changed_scene().grains.count * mean_cube(size)
+    volume = changed_scene().grains.count * mean_cubed_diameter(size)
     yield Check("the mass of all grains stays", volume, 50000 * 1e-9, rtol=1e-4)
     yield Check(
         "the time step shrinks with the finest", changed_scene().run.time_step, 1e-6 * finest, rtol=1e-4

@@ -39,13 +39,13 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Checks:
     patch = {"length": 0.04, "width": 0.025, "height": 0.05}  # 1000 squares of 1 mm
 
-    def count(strength: float) -> int:
+    def grain_count(strength: float) -> int:
         scene = sample_scene(grains={"count": 6400}, wind=patch)
         return probe(Params(cover=0.4), {}, scene=scene, strength=strength).grains.count
 
-    yield Check("a cover of 0.4 on 1000 squares is 400 grains", count(1.0), 400)
-    yield Check("at half the strength the mean of the logarithms", count(0.5), 1600)
-    yield Check("at strength 1.5 a quarter of the cover", count(1.5), 100)
+    yield Check("a cover of 0.4 on 1000 squares is 400 grains", grain_count(1.0), 400)
+    yield Check("at half the strength the mean of the logarithms", grain_count(0.5), 1600)
+    yield Check("at strength 1.5 a quarter of the cover", grain_count(1.5), 100)
 
 
 EFFECT = effect_of(

@@ -145,19 +145,19 @@ def checks(probe: Probe) -> Checks:
 
 
 def memory_checks(probe: Probe) -> Checks:
-    def after(before: State | None, speed: float = 0.0, x: float = 0.01, **members: object) -> State:
+    def state_after(before: State | None, speed: float = 0.0, x: float = 0.01, **members: object) -> State:
         moving = {"position": (x, 0.0, 0.0), "velocity": (0.0, speed, 0.0), "interval": 1e-3}
         return probe(CRUST, {}, state_before=before, radius=1e-4, **(moving | members))
 
-    yield Check("a grain that enters waits", after(None).calm, 1e-3)
-    yield Check("at rest it waits on", after(SETTING, 0.95e-3).calm, 0.0109)
-    yield Check("a stir begins the time anew", after(SETTING, 1.05e-3).calm, 0.0)
-    yield Check("its place is where it lay last", after(SETTING, x=0.02).x, 0.02)
-    yield Check("in its place it stays cemented", after(SET, x=0.01 + 1.9e-5).calm, 0.0101)
-    yield Check("out of it it is loose", after(SET, x=0.01 + 2.1e-5).calm, LOOSE)
-    yield Check("and its place is kept", after(SET, x=0.01 + 1.9e-5).x, 0.01)
-    yield Check("loose for good, even at rest", after(BROKEN).calm, LOOSE)
-    across = after(SET, x=0.03, period=(0.02, 0.0, 0.0))
+    yield Check("a grain that enters waits", state_after(None).calm, 1e-3)
+    yield Check("at rest it waits on", state_after(SETTING, 0.95e-3).calm, 0.0109)
+    yield Check("a stir begins the time anew", state_after(SETTING, 1.05e-3).calm, 0.0)
+    yield Check("its place is where it lay last", state_after(SETTING, x=0.02).x, 0.02)
+    yield Check("in its place it stays cemented", state_after(SET, x=0.01 + 1.9e-5).calm, 0.0101)
+    yield Check("out of it it is loose", state_after(SET, x=0.01 + 2.1e-5).calm, LOOSE)
+    yield Check("and its place is kept", state_after(SET, x=0.01 + 1.9e-5).x, 0.01)
+    yield Check("loose for good, even at rest", state_after(BROKEN).calm, LOOSE)
+    across = state_after(SET, x=0.03, period=(0.02, 0.0, 0.0))
     yield Check("the same place of a periodic box is the same", across.calm, 0.0101)
 
 

@@ -43,12 +43,10 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     front = strength * conditions.get("roughness_density", FRONT * params.cover)
     if scene.wind is None or front == 0.0:
         return scene
-    diameter = nominal_diameter(scene.grains)
-    if params.height <= diameter:
-        raise BadInput(
-            f"effects.surface_roughness.height = {params.height:g} m: not above the {diameter:g} m"
-        )
-    sand_drag = (KARMAN / log(params.height * GRAINS_PER_LENGTH / diameter)) ** 2
+    largest = nominal_diameter(scene.grains)
+    if params.height <= largest:
+        raise BadInput(f"effects.surface_roughness.height = {params.height:g} m: not above the {largest:g} m")
+    sand_drag = (KARMAN / log(params.height * GRAINS_PER_LENGTH / largest)) ** 2
     share = drag_partition(front, 1.0 / FRONT, params.stone_drag / sand_drag, params.worst_spot)
     return with_section(scene, "wind", partition=scene.wind.partition * share)
 

@@ -19,7 +19,7 @@ from taichi_erosion.execution import result as results
 from taichi_erosion.execution.checks import load_checked_air_scene
 from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
-from taichi_erosion.measures.result import as_record, pool
+from taichi_erosion.measures.result import as_record, pool_repeats
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_wind, open_wind_recording
 from taichi_erosion.scene.preparation.air import build_air
@@ -135,7 +135,7 @@ def air_run_document(path: Path, run: AirRun, threads: int, seconds: float) -> d
         path,
         scene,
         replicas,
-        {name: pool([measurements[name] for measurements in measured]) for name in scene.measure},
+        {name: pool_repeats([measurements[name] for measurements in measured]) for name in scene.measure},
         grain_steps=0,
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),

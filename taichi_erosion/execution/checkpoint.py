@@ -21,13 +21,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.core.transfer import download
 from taichi_erosion.execution.ensemble_loop import EnsembleRun
-from taichi_erosion.execution.stages import ReplicaState, begin_stage, whole_intervals
+from taichi_erosion.execution.stages import ReplicaState, begin_stage, count_whole_intervals
 from taichi_erosion.execution.threshold_search import ThresholdSearch, Trial
 from taichi_erosion.measures.result import Measurement, json_value
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.checkpoint_file import Arrays, save_checkpoint
-from taichi_erosion.scene.paths import leaves
+from taichi_erosion.scene.paths import leaf_entries
 from taichi_erosion.simulation import export_state
 from taichi_erosion.simulation.saved_state import SURFACE
 
@@ -52,7 +52,7 @@ class Checkpointer:
 
     def __call__(self, ensemble: EnsembleRun) -> None:
         """Save when due; where that fails the checkpoint before stays, and the run goes on with a warning."""
-        if (now := whole_intervals(ensemble.time, self.interval)) > self.saved:
+        if (now := count_whole_intervals(ensemble.time, self.interval)) > self.saved:
             self.saved = now
             try:
                 self.save_ensemble(ensemble)
@@ -72,24 +72,24 @@ def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
     for record in records:
         if record["search"]:
             del record["search"]["scene"]
-    replicas = json.loads(json.dumps(name_arrays(records, "run", arrays), default=json_value))
+    replicas = json.loads(json.dumps(arrays_to_names(records, "run", arrays), default=json_value))
     return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": replicas}
 
 
-def name_arrays(value: Any, name: str, arrays_out: Arrays) -> Any:
+def arrays_to_names(value: Any, name: str, arrays_out: Arrays) -> Any:
     """A nested value whose arrays are replaced by their names; they are collected in `arrays_out`."""
     if isinstance(value, np.ndarray):
         arrays_out[name] = value
         return {ARRAY: name}
     if isinstance(value, dict):
-        return {key: name_arrays(entry, f"{name}.{key}", arrays_out) for key, entry in value.items()}
+        return {key: arrays_to_names(entry, f"{name}.{key}", arrays_out) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [name_arrays(entry, f"{name}.{place}", arrays_out) for place, entry in enumerate(value)]
+        return [arrays_to_names(entry, f"{name}.{place}", arrays_out) for place, entry in enumerate(value)]
     return value
 
 
 def replace_names_by_arrays(value: Any, arrays: Arrays) -> Any:
-    """Inverse of `without_arrays`."""
+    """Inverse of `arrays_to_names`."""
     if isinstance(value, list):
         return [replace_names_by_arrays(entry, arrays) for entry in value]
     if not isinstance(value, dict):
@@ -122,7 +122,7 @@ def entries_that_differ(file: Path, scene: Scene, meta: Mapping[str, Any]) -> li
     Refused is what would change the grains, their clock or what has already happened.
     """
     tables = meta.get("scene", {"stages": ()}), resolve(scene)
-    old, new = (dict(leaves({**table, "stages": dict(enumerate(table["stages"]))})) for table in tables)
+    old, new = (dict(leaf_entries({**table, "stages": dict(enumerate(table["stages"]))})) for table in tables)
     changed = [path for path in {**old, **new} if old.get(path, []) != new.get(path, [])]
     changed = [path for path in changed if path not in ("run.seed", "run.replicas")]
     stage = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
@@ -151,7 +151,7 @@ def entry_may_differ(path: str, scene: Scene, begun: int) -> bool:
     return section in (*FREE, "measure") or path in (WIND, "domain.outside")
 
 
-def fit_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], changed: list[str]) -> Arrays:
+def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], changed: list[str]) -> Arrays:
     """State of a checkpoint for a changed scene.
 
     Contacts of grains keep their springs. Where walls differ, new ones stand as built, and contacts with all

@@ -13,7 +13,7 @@ from taichi_erosion.execution.observables import OBSERVABLES, measure_files_of_s
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.scene import Scene, laws, load_scene, resolve, scene_hash, step_report
 from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
-from taichi_erosion.scene.preparation.air import longest_step, run_time_step
+from taichi_erosion.scene.preparation.air import run_time_step, stable_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
@@ -194,7 +194,7 @@ def check_scene(
     examined: list[dict[str, Any]] = []
     if is_air_scene(path):
         scene = load_checked_air_scene(path, overrides)
-        limits = {"time_step": run_time_step(scene), "time_step_longest": longest_step(scene), "warnings": []}
+        limits = {"time_step": run_time_step(scene), "time_step_longest": stable_step(scene), "warnings": []}
     else:
         named = read_effects(effect_files)
         scene = read_scene(path, overrides, named)

@@ -82,7 +82,7 @@ def run_replicas_reusing_buffers(
         return None
     ready = {index: requests[index] for index in setups}
     ensemble = EnsembleRun(scenes, sim, [ReplicaState(request.seed) for request in ready.values()])
-    reporter = ResultReporter(ready, library, on_result, recorders_of(list(ready.values()), ensemble))
+    reporter = ResultReporter(ready, library, on_result, open_recorders(list(ready.values()), ensemble))
     recording = [partial(record_replica, recorder) for recorder in reporter.recorders.values()]
     run_ensemble(ensemble, [*recording, reporter])
     return sim
@@ -95,7 +95,7 @@ def record_of_refused_replica(request: ReplicaRequest, reason: str) -> dict[str,
     return empty | cost | {"hash": scene_hash(request.scene), "stopped": "refused", "failure": reason}
 
 
-def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[int, Recorder]:
+def open_recorders(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[int, Recorder]:
     """Recorders by replica; a recording that cannot be opened becomes a warning."""
     recorders = {}
     for replica, request in enumerate(requests):

@@ -101,15 +101,15 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     target = (ensemble.checks + 1) * interval
     simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
     ensemble.checks += 1
-    ensemble.sums = simulation.energies(sim)
+    ensemble.sums = simulation.energy_sums(sim)
     running = np.array([state.active for state in ensemble.states])
     stopped, removed = simulation.replica_statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
     steps = interval / np.array([setup.time_step for setup in sim.setups])
     ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
     for replica, state in enumerate(ensemble.states):
         if state.active:
-            state.failure = simulation.failure(sim, replica) if stopped[replica] else None
-            stages.note_removed(sim, replica, state, ensemble.time, removed[replica])
+            state.failure = simulation.failure_of(sim, replica) if stopped[replica] else None
+            stages.count_removed(sim, replica, state, ensemble.time, removed[replica])
             check_replica(ensemble, replica, state)
 
 
@@ -125,7 +125,7 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: stages.ReplicaStat
     if ensemble.holds:
         return
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
-    if stages.stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
+    if stages.is_stage_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = failure_of_lost_grains(sim, replica, now)
         if state.failure is None:
             if not ensemble.repeats or state.stage + 1 < len(scene.stages):

@@ -16,7 +16,7 @@ STEP = 0.5  # between two points of a line, over the width [1]
 REACH = 3.0  # of a line beyond the outermost centres, over the width [1]
 
 
-def fields_now(
+def present_grain_fields(
     sim: Simulation,
     replica: int,
     at: Mapping[str, Floats] | None = None,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.core.effect_file import EffectFile, error_text, execute_text, line_of, read_effect_file
+from taichi_erosion.core.effect_file import EffectFile, error_text, execute_effect, line_of, read_effect_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
@@ -60,7 +60,7 @@ class MeasureInput:
 
     @property
     def wind_patch(self) -> wind_bed.Patch:
-        return patch_of(self.scene)
+        return wind_patch_of_scene(self.scene)
 
     @property
     def steady_frames(self) -> tuple[Snapshot, ...]:
@@ -159,7 +159,7 @@ class MeasureInput:
         return splash.count_splash_events(self.steady_frames, self.wind_patch, self.scene.gravity.magnitude)
 
 
-def patch_of(scene: Scene) -> wind_bed.Patch:
+def wind_patch_of_scene(scene: Scene) -> wind_bed.Patch:
     """The patch under the wind of a scene that has one."""
     wind = scene.wind
     assert wind is not None
@@ -198,9 +198,9 @@ def measure_of_profile(name: str) -> Callable[[MeasureInput], Measurement]:
     return measure_profile_now
 
 
-def at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
+def measure_at_peak(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a plane that is sheared, where its strength is largest."""
-    return lambda state: wall_loads.at_peak(name, state.wall_load, state.axis, state.area)
+    return lambda state: wall_loads.value_at_peak(name, state.wall_load, state.axis, state.area)
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
@@ -215,10 +215,10 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "runout_radius": lambda e: heap.runout_radius(e.heap_snapshot, e.base_height),
     "column_height": lambda e: heap.settled_column_height(e.heap_snapshot, e.base_height),
     "wall_force": lambda e: wall_loads.mean_force_along_axis(e.wall_load, e.axis),
-    "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
+    "wall_torque": lambda e: wall_loads.mean_torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
     "friction_angle": lambda e: wall_loads.peak_friction_angle(e.wall_load, e.axis),
     "residual_friction_angle": lambda e: wall_loads.residual_friction_angle(e.wall_load, e.axis),
-    **{name: at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
+    **{name: measure_at_peak(name) for name in ("shear_stress", "normal_stress", "peak_displacement")},
     "dynamic_angle": dynamic_angle_in_drum,
     "sliding_angle": lambda e: drum_and_incline.angle_at_which_grains_slide(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow_rate(
@@ -276,7 +276,7 @@ def why_heap_is_too_small(scene: Scene, name: str, angles: Floats) -> str:
     as_small = measured is not None and measured.same_size
     if name not in ANGLES or as_small or scene.grains.clump or not angles.size:
         return ""
-    least, usual = (shortfalls.grains_for(shortfalls.LEAST_ROWS, float(f(angles))) for f in (np.max, np.min))
+    least, usual = (shortfalls.grain_count(shortfalls.LEAST_ROWS, float(f(angles))) for f in (np.max, np.min))
     words = f"the heap is too small for an angle: use at least {usual:,} grains ({count:,} now)"
     return words if count < CONE_SHARE * least else ""
 
@@ -304,7 +304,7 @@ LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] =
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 
 
-def measure(name: str, state: MeasureInput) -> Measurement:
+def measure_observable(name: str, state: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
     if (kind := state.request.kind) is not None:
         of_kind = (heap.select_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))
@@ -331,7 +331,7 @@ def measure(name: str, state: MeasureInput) -> Measurement:
 @lru_cache
 def load_measure_file(file: EffectFile) -> tuple[str, Callable[..., Any]]:
     """Unit and function of a file, which is executed once. Raises BadInput where one is missing."""
-    module = execute_text(file, REMEDY)
+    module = execute_effect(file, REMEDY)
     unit, function = getattr(module, "UNIT", None), getattr(module, "measure", None)
     if not isinstance(unit, str) or not callable(function):
         raise BadInput(f"{file}: is no measure; {REMEDY}")

@@ -13,11 +13,11 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind, Setup, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.execution.ensemble_loop import EnsembleRun
-from taichi_erosion.execution.grain_fields import fields_now
-from taichi_erosion.execution.observables import patch_of
-from taichi_erosion.execution.stages import whole_intervals
-from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.execution.grain_fields import present_grain_fields
+from taichi_erosion.execution.observables import wind_patch_of_scene
+from taichi_erosion.execution.stages import count_whole_intervals
+from taichi_erosion.measures.silhouette import draw_silhouette, largest_connected_body
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.air_recording import log_grain_fields, log_height_profile
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
@@ -118,7 +118,7 @@ def record_replica(recorder: Recorder, ensemble: EnsembleRun) -> None:
     while recorder.stage < min(state.stage, len(stages) - 1):
         recorder.stage += 1
         stream.log_text(recording, "INFO", f"stage {stages[recorder.stage].name} begins")
-    if whole_intervals(ensemble.time, recorder.interval) >= recorder.frames or not state.active:
+    if count_whole_intervals(ensemble.time, recorder.interval) >= recorder.frames or not state.active:
         record_frame_and_picture(recorder, ensemble)
         if not state.active:
             recorder.interval = inf
@@ -134,7 +134,7 @@ def record_frame_and_picture(recorder: Recorder, ensemble: EnsembleRun) -> None:
     if len(recorder.film) > FILM_FRAMES:
         recorder.film = recorder.film[::2]
         recorder.film_every *= 2
-    recorder.frames = whole_intervals(ensemble.time, recorder.interval) + 1
+    recorder.frames = count_whole_intervals(ensemble.time, recorder.interval) + 1
 
 
 def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
@@ -146,13 +146,13 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.record.fields and len(now.mass):
-        log_grain_fields(recorder.recording, fields_now(sim, recorder.replica))
+        log_grain_fields(recorder.recording, present_grain_fields(sim, recorder.replica))
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)
         log_height_profile(recorder.recording, air.velocity[:, 0], air.face)
-        patch = patch_of(scene)
+        patch = wind_patch_of_scene(scene)
         values = {
-            "flux": flux_of(now, patch),
+            "flux": flux_of_frame(now, patch),
             "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
             "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
         }
@@ -232,7 +232,7 @@ def heap_silhouettes(state: Snapshot, details: dict[str, Any]) -> pictures.Pictu
     for azimuth in np.unique(lines[:, 0]):
         turn = float(np.radians(azimuth))
         silhouette = draw_silhouette(state.position[above], state.radius[above], turn, 0.0, grain)
-        mask = largest_body(silhouette.image)
+        mask = largest_connected_body(silhouette.image)
         columns = np.flatnonzero(mask.any(axis=0))
         ends = lines[lines[:, 0] == azimuth][:, 1:].reshape(-1, 2, 2)
         column = (ends[..., 0] - silhouette.left) / silhouette.pixel - columns[0]

@@ -48,11 +48,11 @@ from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution.checks import comparable
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message
-from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
+from taichi_erosion.measures.result import Measurement, as_record, json_value, nan_to_none
 from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import is_checkpoint
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.simulation.scene_setup import Library, circumstances_of, effect_params, effective_scene
+from taichi_erosion.simulation.scene_setup import Library, effect_conditions, effect_params, effective_scene
 
 RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
 RECORDING = ".rrd"
@@ -88,7 +88,7 @@ def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> No
         check_writable(path)
     earlier = files_of_earlier_run(record, scene)
     for path in [] if force else present:
-        if path.name not in earlier and not is_recording(path):
+        if path.name not in earlier and not is_own_recording(path):
             raise BadInput(f"{path}: exists, and no run of {scene} wrote it; {REMEDY}")
 
 
@@ -104,7 +104,7 @@ def files_of_earlier_run(record: Path, scene: Path) -> set[str]:
     return {document.name, *(Path(file).name for file in files if file)} if is_own else set()
 
 
-def is_recording(path: Path) -> bool:
+def is_own_recording(path: Path) -> bool:
     """Whether a file is a recording of this program."""
     if path.suffix != RECORDING or not path.is_file():
         return False
@@ -118,7 +118,7 @@ def apply_instruments(
     """Instrument response: measurements after the instrument effects of the scene, in order of name."""
     read = dict(measurements)
     instruments = [library[name] for name in sorted(scene.effects) if library[name].place == "instrument"]
-    conditions = circumstances_of(effective_scene(scene, library)) if instruments else {}
+    conditions = effect_conditions(effective_scene(scene, library)) if instruments else {}
     for effect in instruments:
         params, strength = effect_params(scene, effect)
         if strength == 0.0:
@@ -185,7 +185,7 @@ def versions_of_dependencies() -> dict[str, str]:
 
 def write_document_or_warn(record: Path, document: dict[str, Any]) -> None:
     """Write the document beside its recording as strict JSON; a refusal of the disk becomes a warning."""
-    text = json.dumps(without_nan(document), indent=1, default=json_value, allow_nan=False)
+    text = json.dumps(nan_to_none(document), indent=1, default=json_value, allow_nan=False)
     try:
         write_atomic(record.with_suffix(".json"), (text + "\n").encode())
     except BadInput as error:

@@ -19,9 +19,9 @@ from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.execution import RunOptions, result
 from taichi_erosion.execution.checkpoint import (
     Checkpointer,
+    adapt_state,
     apply_scene_changes,
     entries_that_differ,
-    fit_state,
     restore_run_state,
 )
 from taichi_erosion.execution.checks import idle_warnings, library_of, read_effects, read_scene, setup_report
@@ -33,13 +33,13 @@ from taichi_erosion.execution.ensemble_loop import (
     run_ensemble,
 )
 from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
-from taichi_erosion.execution.stages import ReplicaState, whole_intervals
+from taichi_erosion.execution.stages import ReplicaState, count_whole_intervals
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.scene import Scene, laws, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import load_checkpoint
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
-from taichi_erosion.simulation.capacities import any_grid, any_servo
+from taichi_erosion.simulation.capacities import has_grid, has_servo
 from taichi_erosion.simulation.team import mean_team_size
 
 CROSSOVER = 5_000  # grains of all replicas from which `auto` takes a graphics processor: docs/speed.md
@@ -109,7 +109,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
         interval,
         {"scene_hash": hashed, "scene": resolve(ensemble.scenes[0])},
-        whole_intervals(ensemble.time, interval),
+        count_whole_intervals(ensemble.time, interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with defer_signals():  # a signal that comes now acts once everything is written
@@ -142,13 +142,13 @@ def assemble_run(
     if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
         changed = entries_that_differ(options.resume, effective, resume[1])
     grains = sum(len(setup.grains.radius) for setup in setups)
-    arch = choose_device(options.arch, options.decomposition, grains, any_grid(setups) or any_servo(setups))
+    arch = choose_device(options.arch, options.decomposition, grains, has_grid(setups) or has_servo(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     states = [ReplicaState(seed) for seed in seeds]
     ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
     if resume:
-        import_state(sim, fit_state(ensemble, *resume, changed) if changed else resume[0])
+        import_state(sim, adapt_state(ensemble, *resume, changed) if changed else resume[0])
         restore_run_state(ensemble, *resume)
         if changed:
             apply_scene_changes(ensemble, changed)

@@ -1,10 +1,10 @@
 """Interactive session: one replica of a scene, advanced, changed and asked by calls.
 
-    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, set_entry
+    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, change_entry
 
     session = open_session("scenes/funnel_repose.toml")
     run_for_seconds(session, 0.5)
-    set_entry(session, "contact.soil-soil.friction_rolling", "0.3")
+    change_entry(session, "contact.soil-soil.friction_rolling", "0.3")
     run_for_seconds(session, 0.5)
     print(measure_now(session))
 
@@ -31,16 +31,16 @@ from taichi_erosion.core.setup import GrainTable, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, advance_to_next_check, failure_message
-from taichi_erosion.execution.observables import measure
+from taichi_erosion.execution.observables import measure_observable
 from taichi_erosion.execution.result import apply_instruments
 from taichi_erosion.execution.scene_run import scene_text_with_overrides
 from taichi_erosion.execution.stages import (
     ReplicaState,
-    at_rest,
     begin_stage,
+    count_whole_intervals,
+    is_at_rest,
     measure_inputs_of_replica,
-    transport_window,
-    whole_intervals,
+    steady_transport_window,
 )
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
@@ -115,12 +115,12 @@ def open_session(
     scene = checks.read_scene(Path(path), overrides, files)
     library = checks.library_of(scene)
     chosen = scene.run.seed if seed is None else seed
-    ensemble = build(scene, chosen, library)
+    ensemble = build_ensemble(scene, chosen, library)
     begin_stage(ensemble.sim, ensemble.scenes[0], 0, ensemble.states[0], 0.0)
     return Session(Path(path), scene, overrides, chosen, library, ensemble, effect_files=files)
 
 
-def build(
+def build_ensemble(
     scene: Scene, seed: int, library: Mapping[str, Effect], grains: GrainTable | None = None
 ) -> EnsembleRun:
     """Ensemble of one replica, before its first stage, of the grains of its scene or of others."""
@@ -145,10 +145,10 @@ def run_until_time(session: Session, time: float) -> None:
     raise_if_session_failed(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
     while session.time < time - tolerance:
-        keep_present_state(session)
+        keep_state_if_due(session)
         if time < ensemble.time + ensemble.check_interval - tolerance:
             simulation.advance(session.sim, [time])
-            session.time, session.state.failure = time, simulation.failure(session.sim, 0)
+            session.time, session.state.failure = time, simulation.failure_of(session.sim, 0)
         else:
             advance_to_next_check(ensemble)
             session.time = ensemble.time
@@ -156,7 +156,7 @@ def run_until_time(session: Session, time: float) -> None:
             session.history.pop()
         session.history.append(f"{RUN_TO} {session.time!r}")
         raise_if_session_failed(session)
-        keep_sample_of_numbers(session)
+        keep_sample(session)
         for callback in session.callbacks:
             callback(session)
 
@@ -190,11 +190,11 @@ def run_until_rest(session: Session) -> bool:
 
 def is_session_at_rest(session: Session) -> bool:
     """Whether the stage's criterion of rest holds now."""
-    stage, kinetic = session.scene.stages[session.state.stage], simulation.energies(session.sim)[0, 0]
-    return at_rest(session.sim, 0, stage, (float(kinetic), float(session.ensemble.lifting_energies[0])))
+    stage, kinetic = session.scene.stages[session.state.stage], simulation.energy_sums(session.sim)[0, 0]
+    return is_at_rest(session.sim, 0, stage, (float(kinetic), float(session.ensemble.lifting_energies[0])))
 
 
-def set_entry(session: Session, path: str, value: str) -> str:
+def change_entry(session: Session, path: str, value: str) -> str:
     """Change one entry of the scene while it runs; returns what was done. Raises BadInput."""
     overrides = (*session.overrides, f"{path}={value}")
     scene = checks.read_scene(session.path, overrides, session.effect_files)
@@ -212,7 +212,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
     if fixed:
         raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
     if session.latest_change[0] != path or monotonic() - session.latest_change[1] > SAME_CHANGE:
-        keep_present_state(session, is_due=True)
+        keep_state_if_due(session, is_due=True)
     outcome = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
     session.history.append(f"set {path} {quote(value)}")
@@ -243,13 +243,13 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     simulation.set_replica_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and effective.wind is not None:
         simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
-        simulation.set_through_flow(sim, 0, effective.wind.through_flow)
+        simulation.set_upflow(sim, 0, effective.wind.through_flow)
     state = {} if changed & {"effects", "conditions"} else None
     if state is not None:
         effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
         state = None if simulation.set_replica_effects(sim, 0, effects) else simulation.export_state(sim)
     if state is not None:
-        sim = build(scene, session.seed, library, session.sim.setups[0].grains).sim
+        sim = build_ensemble(scene, session.seed, library, session.sim.setups[0].grains).sim
         simulation.import_state(sim, state)
     # what was stated anew has done work
     states = [replace(session.state, energy=None)]
@@ -259,7 +259,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
 
 def insert_grains(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
     """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
-    keep_present_state(session, is_due=True)
+    keep_state_if_due(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
     if count < 1 or setup.clumps is not None or (count > 1 and not any(setup.gravity)):
         raise BadInput("insert: one sphere or more, with gravity, without which they would not fall clear")
@@ -273,7 +273,7 @@ def insert_grains(session: Session, count: int, at: Sequence[float] = (), inlet:
     state, place = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
     grains = append_grains_by_release(setup.grains, int(state["released"][0] + state["removed"][0]), new)
     place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
-    sim = build(session.scene, session.seed, session.library, grains).sim
+    sim = build_ensemble(session.scene, session.seed, session.library, grains).sim
     replace_simulation(session, sim, state, f"insert {count}{place}")
 
 
@@ -282,7 +282,7 @@ def remove_grains(session: Session, *numbers: int) -> None:
     missing = set(numbers) - set(simulation.snapshot(session.sim, 0).ident.tolist())
     if missing or session.sim.world.has_clumps:
         raise BadInput(f"remove: no sphere of its own has the number {min(missing or numbers)}")
-    keep_present_state(session, is_due=True)
+    keep_state_if_due(session, is_due=True)
     state = remove_grains_from_state(simulation.export_state(session.sim), 0, numbers)
     replace_simulation(session, session.sim, state, f"remove {' '.join(map(str, numbers))}")
 
@@ -298,11 +298,11 @@ def replace_simulation(session: Session, sim: Simulation, state: dict[str, Any],
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables of the scene in the present state, of the frames of its stage where there are any."""
     scene, state = session.scene, session.state
-    window = transport_window(scene, state.stage, [state])
+    window = steady_transport_window(scene, state.stage, [state])
     if not state.frames:
         state = replace(state, frames=[simulation.snapshot(session.sim, 0)], tilts=[0.0])
     inputs = measure_inputs_of_replica(session.sim, scene, 0, state, window)
-    measurements = {name: measure(name, inputs(name)) for name in scene.measure}
+    measurements = {name: measure_observable(name, inputs(name)) for name in scene.measure}
     return apply_instruments(measurements, scene, session.library)
 
 
@@ -323,21 +323,21 @@ def bytes_of_kept_states(states: Sequence[Kept]) -> int:
     return sum(values.nbytes for _, grains in states for values in grains.values())
 
 
-def keep_present_state(session: Session, is_due: bool = False) -> None:
+def keep_state_if_due(session: Session, is_due: bool = False) -> None:
     """Keep the present state where one is due; those of later times, from before a return, go."""
     states, began = session.states, monotonic()
-    here = session.time, changes(session)
-    while states and (states[-1][0].time > here[0] or (states[-1][0].time, changes(states[-1][0])) == here):
+    here = session.time, revision(session)
+    while states and (states[-1][0].time > here[0] or (states[-1][0].time, revision(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
         states.append(keep_session_and_grains(session))
         if bytes_of_kept_states(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
-            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or changes(a[0]) != changes(b[0])]
+            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or revision(a[0]) != revision(b[0])]
         session.keep_at = began + max(KEEP_EVERY, (monotonic() - began) / KEEP_SHARE)
 
 
-def changes(session: Session) -> int:
+def revision(session: Session) -> int:
     """Number of the changes that led to the present state."""
     return sum(line.startswith(CHANGES) for line in session.history)
 
@@ -345,13 +345,13 @@ def changes(session: Session) -> int:
 def return_to_time(session: Session, time: float) -> None:
     """Return to the kept state nearest to a time [s]; later ones stay until the session runs on."""
     if session.state.failure is None and (not session.states or session.states[-1][0].time < session.time):
-        keep_present_state(session, is_due=True)
+        keep_state_if_due(session, is_due=True)
     resume_from_state(session, min(session.states, key=lambda state: abs(state[0].time - time)))
 
 
 def undo_latest_change(session: Session) -> None:
     """Return to the state before the latest change, bit for bit. Raises BadInput where there is none."""
-    earlier = [each for each in session.states if changes(each[0]) < changes(session)]
+    earlier = [each for each in session.states if revision(each[0]) < revision(session)]
     if not earlier:
         raise BadInput("there is no change to undo")
     resume_from_state(session, earlier[-1])
@@ -373,7 +373,7 @@ def resume_from_state(session: Session, state: Kept) -> None:
         apply_change(session, then.scene, then.library, {"wind", "effects"})
         sim = session.sim
     else:  # an effect has been built in, or grains inserted, since
-        sim = build(then.scene, session.seed, then.library, then.sim.setups[0].grains).sim
+        sim = build_ensemble(then.scene, session.seed, then.library, then.sim.setups[0].grains).sim
     simulation.import_state(sim, grains)
     session.ensemble = replace(copy_session_lists(then).ensemble, sim=sim)
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
@@ -436,7 +436,7 @@ def write_session_commands(session: Session, path: Path) -> Path:
     return write_atomic(path, mark_toml(path, session.path, text))
 
 
-def record_session(session: Session, path: Path) -> recorders.Recorder:
+def begin_recording(session: Session, path: Path) -> recorders.Recorder:
     """Begin a recording of the session. Raises BadInput."""
     text = scene_text_with_overrides(session.path, session.overrides)
     title = f"{session.scene.scene.title or session.path.stem}, live"
@@ -445,7 +445,7 @@ def record_session(session: Session, path: Path) -> recorders.Recorder:
     return recorder
 
 
-def unused_name(path: Path) -> Path:
+def unused_path(path: Path) -> Path:
     """The path, or the first of PATH-2, PATH-3 and so on that does not exist."""
     names = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
     return next(free for free in chain([path], names) if not free.exists())
@@ -453,7 +453,7 @@ def unused_name(path: Path) -> Path:
 
 def log_session_frame(recorder: recorders.Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
-    now = whole_intervals(session.time, recorder.interval) + 1
+    now = count_whole_intervals(session.time, recorder.interval) + 1
     recorder.is_rewritten |= now < recorder.frames
     if now != recorder.frames:
         recorders.log_present_frame(recorder, session.sim, session.scene)
@@ -480,7 +480,7 @@ def watch_measures(session: Session, *names: str) -> None:
     session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
-def keep_sample_of_numbers(session: Session) -> None:
+def keep_sample(session: Session) -> None:
     """Keep the numbers of this moment; those of a later time, from before a return, go."""
     now = status_values_in_units(session)
     if not set(session.watched) <= set(now):
@@ -490,7 +490,7 @@ def keep_sample_of_numbers(session: Session) -> None:
     session.samples.append(now)
 
 
-def curve(session: Session, name: str) -> tuple[list[float], list[float]]:
+def sampled_curve(session: Session, name: str) -> tuple[list[float], list[float]]:
     """Times [s] and values of a number at the checks so far. Raises BadInput without any."""
     refuse_unknown_number(session, name)
     samples = [sample for sample in session.samples if name in sample]

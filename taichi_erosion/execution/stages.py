@@ -11,8 +11,8 @@ import scipy
 from taichi_erosion import simulation
 from taichi_erosion.core.setup import Floats, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
-from taichi_erosion.execution.grain_fields import fields_now
-from taichi_erosion.execution.observables import MeasureInput, measure, patch_of
+from taichi_erosion.execution.grain_fields import present_grain_fields
+from taichi_erosion.execution.observables import MeasureInput, measure_observable, wind_patch_of_scene
 from taichi_erosion.execution.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
@@ -56,12 +56,12 @@ class ReplicaState:
             self.warnings.append(text)
 
 
-def whole_intervals(time: float, interval: float) -> int:
+def count_whole_intervals(time: float, interval: float) -> int:
     """Number of whole intervals in a time, up to rounding."""
     return int(time / interval * (1.0 + ROUNDING))
 
 
-def note_removed(sim: Simulation, replica: int, state: ReplicaState, time: float, spheres: int) -> None:
+def count_removed(sim: Simulation, replica: int, state: ReplicaState, time: float, spheres: int) -> None:
     """Note the number of grains that have left the domain, where it has grown."""
     setup = sim.setups[replica]
     grains = spheres if setup.clumps is None else spheres * len(setup.clumps.mass) // len(setup.grains.mass)
@@ -90,7 +90,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     if stage.friction_velocity is not None:
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
-        simulation.set_through_flow(sim, replica, stage.through_flow)
+        simulation.set_upflow(sim, replica, stage.through_flow)
     if stage.until == "threshold":
         state.search = begin_search(sim, scene, replica, time)
 
@@ -108,7 +108,7 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     state.energy = None
 
 
-def friction_velocity_in(scene: Scene, stage: int) -> float:
+def stage_friction_velocity(scene: Scene, stage: int) -> float:
     """u* of a stage that reaches the patch [m s-1]: as stated in it, or last before it."""
     assert scene.wind is not None
     by_stage = [each.friction_velocity for each in scene.stages[: stage + 1]]
@@ -147,7 +147,7 @@ def observables_of_stage(scene: Scene, stage: int) -> list[str]:
     return [name for name, stage_name in stage_of.items() if names.index(stage_name) == stage]
 
 
-def stage_is_over(
+def is_stage_over(
     sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float, energy: tuple[float, float]
 ) -> bool:
     """Whether the stage ends now; `energy`: translational, and that which lifts all grains [J]."""
@@ -162,11 +162,11 @@ def stage_is_over(
         return True
     if stage.until != "rest" or elapsed < stage.duration_min:
         return False
-    return at_rest(sim, replica, stage, energy)
+    return is_at_rest(sim, replica, stage, energy)
 
 
-def at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float, float]) -> bool:
-    """Criterion of rest: no grain waits, most are in contact, `energy` (as in `stage_is_over`) is small."""
+def is_at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float, float]) -> bool:
+    """Criterion of rest: no grain waits, most are in contact, `energy` (as in `is_stage_over`) is small."""
     kinetic, lifting = energy
     return (
         simulation.count_waiting_spheres(sim, replica) == 0
@@ -187,11 +187,11 @@ def measure_at_end(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[
     Means of transport are taken over one window for all of them, in which their air is steady.
     """
     names = observables_of_stage(scene, stage)
-    window = transport_window(scene, stage, list(replicas.values())) if names else None
+    window = steady_transport_window(scene, stage, list(replicas.values())) if names else None
     for replica, state in replicas.items() if names else ():
         inputs = measure_inputs_of_replica(sim, scene, replica, state, window)
         for name in names:
-            state.measurements[name] = measurement = measure(name, data := inputs(name))
+            state.measurements[name] = measurement = measure_observable(name, data := inputs(name))
             if isnan(measurement.value):
                 state.warn(f"{name} has no value: {'; '.join(measurement.notes)}")
             elif data.fallen_grains_text in measurement.notes:
@@ -213,7 +213,7 @@ def measure_inputs_of_replica(
         air=air,
         airs=tuple(state.airs),
         thresholds={} if state.search is None else state.search.brackets,
-        profile=partial(fields_now, sim, replica),
+        profile=partial(present_grain_fields, sim, replica),
         period=sim.setups[replica].period,
         window=window,
         loads=tuple(state.loads),
@@ -223,14 +223,14 @@ def measure_inputs_of_replica(
     return lambda name: of_any_measure(scene.measure[name])
 
 
-def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:
+def steady_transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:
     """Window in which transport by wind is steady; None without wind or where a grid carries the stress."""
     wind = scene.wind
-    if wind is None or wind.columns != (1, 1) or (friction := friction_velocity_in(scene, stage)) <= 0.0:
+    if wind is None or wind.columns != (1, 1) or (friction := stage_friction_velocity(scene, stage)) <= 0.0:
         return None
     if not states or any(len(state.airs) < 2 for state in states):
         return None
-    patch, stress = patch_of(scene), wind.density * friction**2
+    patch, stress = wind_patch_of_scene(scene), wind.density * friction**2
     times = [frame.time - states[0].began for frame in states[0].frames]
     hop = HOP_TIME * friction / scene.gravity.magnitude
     return steady_window(times, [stress_ratio(state.airs, patch, stress) for state in states], hop)

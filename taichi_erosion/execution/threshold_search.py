@@ -104,14 +104,14 @@ class ThresholdSearch:
 def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> ThresholdSearch:
     """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
-    first = transport or scene.threshold.first or FIRST_WIND * weight_velocity(scene)
+    first = transport or scene.threshold.first or FIRST_WIND * velocity_scale(scene)
     search = ThresholdSearch(scene, export_bed(sim, replica), begin_trial(sim, replica, first, time))
     search.phase = "start" if transport else "ramp"
     spin_up_wind(sim, replica, first)
     return search
 
 
-def weight_velocity(scene: Scene) -> float:
+def velocity_scale(scene: Scene) -> float:
     """sqrt((s - 1) g d) of the scene's grains [m s-1], the velocity that friction velocities scale with."""
     assert scene.wind is not None
     diameter, density = nominal_diameter(scene.grains), scene.grain_density
@@ -227,7 +227,7 @@ def next_wind_from_rest(search: ThresholdSearch, in_motion: bool) -> float | Non
     if search.high is None:
         return now * (1.0 + settings.rise)
     if search.low is None:
-        return now / (1.0 + settings.rise) if now > LEAST_WIND * weight_velocity(search.scene) else None
+        return now / (1.0 + settings.rise) if now > LEAST_WIND * velocity_scale(search.scene) else None
     bracket = Bracket(search.low, search.high)
     if bracket.high > bracket.low * (1.0 + settings.rise) ** (0.5**settings.levels) * (1.0 + ROUNDING):
         return bracket.middle

@@ -68,7 +68,7 @@ class Structure:
     cells: tuple[Cell, ...] = ()  # each restores the design alone
 
     @property
-    def sole_cell(self) -> Cell | None:
+    def sole_restoring_cell(self) -> Cell | None:
         """The cell that restores the design, if there is only one."""
         return self.cells[0] if len(self.cells) == 1 else None
 
@@ -229,7 +229,7 @@ def orthogonality_findings(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = change_cell(table.coded, structure.sole_cell)
+    coded = change_cell(table.coded, structure.sole_restoring_cell)
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
@@ -291,9 +291,7 @@ def heading_names(text: str) -> list[str]:
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\u2013", "-").strip()
     match = SYMBOL.fullmatch(plain)
     parts = (match["symbol"] or match["behind"], match["rest"] or match["name"]) if match else ()
-    names = (
-        unicodedata.normalize("NFKC", each).casefold() for each in (plain, read_heading(plain).name, *parts)
-    )
+    names = (unicodedata.normalize("NFKC", x).casefold() for x in (plain, read_heading(plain).name, *parts))
     return [re.sub(r"[ *^.\u00b7\u00d7:_\-\u2013]", "", name) for name in names]  # and products alike
 
 
@@ -337,7 +335,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     comparisons = []
     for heading, column in columns:
         cells = [(line, cell) for place, line in lines.items() if (cell := sheet.cell_number(column[place]))]
-        printed_words, meaning = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
+        printed_words, meaning = quantity_of_column(heading, [(cell, rows[source]) for source, cell in cells])
         if printed_words and meaning != printed_words:
             sentence = f"{path.name}: column '{heading}' holds the {meaning.replace('_', ' ')}"
             findings.append(Finding("heading", sentence, path.name, heading, printed=heading))
@@ -346,12 +344,14 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     return comparisons, findings
 
 
-def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]) -> tuple[str, str]:
+def quantity_of_column(
+    heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]
+) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
     words = word_meaning("quantities", heading)
     shares = {
         quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells] or [0.0]))
-        for quantity in published.vocabulary()["quantities"]
+        for quantity in published.anova_vocabulary()["quantities"]
     }
     best = max(shares, key=lambda quantity: shares[quantity])
     is_better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(words, 0.0)

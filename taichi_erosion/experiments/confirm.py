@@ -6,7 +6,7 @@
     power(D) = P(|t'| > t(0.975, df)),        t' non-central with D / se
 
 s_2 and n_2 belong to the measurement; where it is a bare number they count as exact. A test that does not
-reject is weak evidence if its power is small: `least_detectable` is the difference found four times in five.
+reject is weak evidence if its power is small: `least_detectable_difference` is found four times in five.
 
 References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Analysis, ch. 2.
 """
@@ -86,7 +86,7 @@ def welch_test(values: Sequence[float], target: Sample | float) -> Confirmation:
         p=2.0 * float(stats.t.sf(abs(t), df)),
         power=power(matter, spread, df),
         resolve=matter,
-        detectable=least_detectable(spread, df),
+        detectable=least_detectable_difference(spread, df),
     )
 
 
@@ -110,7 +110,7 @@ def power(difference: float, spread: float, df: float) -> float:
     return 1.0 - float(tanhsinh(power_deficit, 0.0, 1.0).integral)
 
 
-def least_detectable(spread: float, df: float) -> float:
+def least_detectable_difference(spread: float, df: float) -> float:
     """Smallest true difference that is noticed with the wanted power."""
     if spread != spread:
         return nan

@@ -171,7 +171,7 @@ def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int
     first = np.array([1.0 if sign == "+" else -1.0 for sign in CYCLES[sizes[0]]])
     shifts = [np.roll(first, turn) for turn in range(len(first))]  # to the right; then a row of -1
     corners = np.array([*shifts, -np.ones(len(first))])[:, :count]
-    parts: list[Part] = [("factorial", corners), centre_part(count, centre_points)]
+    parts: list[Part] = [("factorial", corners), centre_point_part(count, centre_points)]
     return stack_parts("Plackett-Burman", factors, parts, seed)
 
 
@@ -187,7 +187,7 @@ def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | N
         block = np.zeros((len(corners), count))
         block[:, [ord(letter) - ord("A") for letter in letters]] = corners
         blocks.append(block)
-    parts: list[Part] = [("edge", np.concatenate(blocks)), centre_part(count, centre_points)]
+    parts: list[Part] = [("edge", np.concatenate(blocks)), centre_point_part(count, centre_points)]
     return stack_parts("Box-Behnken", factors, parts, seed)
 
 
@@ -207,7 +207,7 @@ def central_composite(
     corners = factorial_points(count, 2)
     alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
     star = alpha * np.stack([-np.eye(count), np.eye(count)], axis=1).reshape(2 * count, count)
-    parts: list[Part] = [("factorial", corners), ("axial", star), centre_part(count, centre_points)]
+    parts: list[Part] = [("factorial", corners), ("axial", star), centre_point_part(count, centre_points)]
     return stack_parts("central composite", factors, parts, seed)
 
 
@@ -221,7 +221,7 @@ def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_poin
     count = len(factors)
     sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
     points: Part = ("space", 2.0 * sampler.random(runs) - 1.0)
-    return stack_parts("Latin hypercube", factors, [points, centre_part(count, centre_points)], seed)
+    return stack_parts("Latin hypercube", factors, [points, centre_point_part(count, centre_points)], seed)
 
 
 def steepest_ascent(
@@ -252,6 +252,6 @@ def steepest_ascent(
     return stack_parts("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])
 
 
-def centre_part(count: int, repeats: int) -> Part:
+def centre_point_part(count: int, repeats: int) -> Part:
     """Repeats of the centre."""
     return "centre", np.zeros((repeats, count))

@@ -139,7 +139,7 @@ LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 
 
 @cache
-def vocabulary() -> dict[str, dict[str, list[str]]]:
+def anova_vocabulary() -> dict[str, dict[str, list[str]]]:
     """Words of columns, of lines and quantities of an analysis of variance."""
     return tomllib.loads((files("taichi_erosion.experiments") / "vocabulary.toml").read_text("utf-8"))
 
@@ -148,7 +148,7 @@ def word_meaning(kind: str, text: str) -> str:
     """What the words of a heading mean; empty for others. A number may follow the word of a column."""
     plain = plain_words(text)
     plain = plain if kind != "columns" else re.sub(r" ?\d.*", "", plain) or plain
-    return next((meaning for meaning, words in vocabulary()[kind].items() if plain in words), "")
+    return next((meaning for meaning, words in anova_vocabulary()[kind].items() if plain in words), "")
 
 
 @dataclass(frozen=True)
@@ -227,21 +227,19 @@ def read_published_table(path: Path, response: str | None = None) -> PublishedTa
     if (runs := np.isfinite(values).sum()) < FEWEST_RUNS:
         raise BadInput(f"{path}: {runs} run(s) with a result; needs at least {FEWEST_RUNS}")
     few = [name for name in few if name != response_name]
-    inputs = [name for name in few if names.index(name) < names.index(response_name)] or few
-    if not inputs:
+    used = [name for name in few if names.index(name) < names.index(response_name)] or few
+    if not used:
         raise BadInput(f"{path}: no column of factor levels before the response '{response_name}'")
-    levels = np.column_stack([sheet.numbers(name, strict=True) for name in inputs])
+    levels = np.column_stack([sheet.numbers(name, strict=True) for name in used])
     for row, k in np.argwhere(np.isnan(levels)).tolist():
-        raise BadInput(
-            f"{path}: row {row + 1}, {inputs[k]} = '{sheet.columns[inputs[k]][row]}' must be a number"
-        )
-    factors = tuple(column_factor(name, column) for name, column in zip(inputs, levels.T, strict=True))
+        raise BadInput(f"{path}: row {row + 1}, {used[k]} = '{sheet.columns[used[k]][row]}' must be a number")
+    factors = tuple(column_factor(name, column) for name, column in zip(used, levels.T, strict=True))
     coded = np.round(to_coded(factors, levels), 9) + 0.0
     # levels from -1 to 1 define the coding, those of star points are rounded
-    digits = [sheet.last_digit(name) / f.half_range for name, f in zip(inputs, factors, strict=True)]
+    digits = [sheet.last_digit(name) / f.half_range for name, f in zip(used, factors, strict=True)]
     responses = np.full(len(coded), sheet.last_digit(response_name))
     rounding = 0.5 * np.column_stack([responses, np.array(digits) * (np.abs(coded) > 1.0)])
-    aside = tuple(name for name in names if name not in inputs and name != response_name)
+    aside = tuple(name for name in names if name not in used and name != response_name)
     others = tuple(name for name in results if name in aside)
     return PublishedTable(str(path), factors, levels, coded, response_name, values, aside, others, rounding)
 

@@ -33,7 +33,7 @@ class Cells:
     inverse_width: Any  # f64 vec3 by replica [m-1]
     number: Any  # i32 vec3 by replica, cells along each axis
     axes: Any  # i32 vec3 by replica, axes of the box, the one with fewest cells first
-    first: Any  # i32, rank of the first grain of each cell: by `first_cell` + cell + 1, see `cell_start`
+    first: Any  # i32, rank of each first grain: by `first_cell_place` + cell + 1, see `first_rank_of_cell`
     cell: Any  # i32 by grain place of one side: cell of the grain, by rank before the sort
     order: Any  # i32 by grain place of one side: rank before the sort, by rank after it
 
@@ -46,7 +46,7 @@ def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
 
 
 @ti.func
-def first_cell(cells: ti.template(), r):
+def first_cell_place(cells: ti.template(), r):
     """First place of replica r in `first`: two places more than cells, to shift the sort and to close it."""
     return r * (cells.capacity + 2)
 
@@ -72,7 +72,7 @@ def nearest_image_distances(away, period):
 
 
 @ti.func
-def reorder_axes(cells: ti.template(), r, along):
+def arrange_along_axes(cells: ti.template(), r, along):
     """Components of a vector in the order of the axes of replica r."""
     axes = cells.axes[r]
     return ti.Vector([along[axes[0]], along[axes[1]], along[axes[2]]])
@@ -96,7 +96,7 @@ def order_axes_by_cells(cells_out: ti.template(), r):
 def cell_coordinates(cells: ti.template(), r, position):
     """Integer coordinates along the arranged axes of the cell that holds a position, clamped to the grid."""
     place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
-    return reorder_axes(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
+    return arrange_along_axes(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
 
 
 @ti.func
@@ -114,7 +114,7 @@ def wrapped_position(grains: ti.template(), replicas: ti.template(), r, i):
 
 @ti.func
 def box_and_position_sums(grains: ti.template(), replicas: ti.template(), r, begin, end):
-    """Low and high corner of the box around the grains of ranks begin to end [m], and sums for `main_box`."""
+    """Corners of the box around the grains of ranks begin to end [m], and sums for `box_of_most_grains`."""
     base = side_start(grains, r, replicas.side[r])
     low = replicas.high[r]
     high = replicas.low[r]
@@ -128,7 +128,7 @@ def box_and_position_sums(grains: ti.template(), replicas: ti.template(), r, beg
 
 
 @ti.func
-def main_box(replicas: ti.template(), r, low, high, total, squares):
+def box_of_most_grains(replicas: ti.template(), r, low, high, total, squares):
     """Low and high corner of the box around most grains of replica r [m]; along a period, the period."""
     count = replicas.released[r]
     mean = total / ti.max(count, 1)
@@ -145,7 +145,7 @@ def main_box(replicas: ti.template(), r, low, high, total, squares):
 def fit_grid_to_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
     """Grid of replica r around its grains."""
     low, high, total, squares = box_and_position_sums(grains, replicas, r, 0, replicas.released[r])
-    low, high = main_box(replicas, r, low, high, total, squares)
+    low, high = box_of_most_grains(replicas, r, low, high, total, squares)
     divide_box_into_cells(cells_out, replicas, r, low, high)
 
 
@@ -168,7 +168,7 @@ def divide_box_into_cells(cells_out: ti.template(), replicas: ti.template(), r, 
 def cell_of_grain(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
     """Number of the cell of the grain at place i."""
     place = cell_coordinates(cells, r, wrapped_position(grains, replicas, r, i))
-    return cell_index(reorder_axes(cells, r, cells.number[r]), place)
+    return cell_index(arrange_along_axes(cells, r, cells.number[r]), place)
 
 
 @ti.func
@@ -180,9 +180,9 @@ def sort_grains_by_cell(cells_out: ti.template(), grains: ti.template(), replica
     count = replicas.released[r]
     base = side_start(grains, r, replicas.side[r])
     row = r * grains.capacity
-    first = first_cell(cells_out, r)
+    first = first_cell_place(cells_out, r)
     order_axes_by_cells(cells_out, r)
-    number = reorder_axes(cells_out, r, cells_out.number[r])
+    number = arrange_along_axes(cells_out, r, cells_out.number[r])
     total = number[0] * number[1] * number[2]
     for c in range(total + 1):
         cells_out.first[first + c] = 0
@@ -205,9 +205,9 @@ def sort_grains_by_cell(cells_out: ti.template(), grains: ti.template(), replica
 
 
 @ti.func
-def cell_start(cells: ti.template(), r, c):
+def first_rank_of_cell(cells: ti.template(), r, c):
     """Rank of the first grain in cell c; after the sort the bounds lie one place on."""
-    return cells.first[first_cell(cells, r) + c + 1]
+    return cells.first[first_cell_place(cells, r) + c + 1]
 
 
 def cell_grid(setup: Setup, least: float, most: int) -> dict[str, Any]:

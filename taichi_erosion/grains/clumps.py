@@ -79,7 +79,7 @@ def rotate_quaternion(q, spin, time):
 
 
 @ti.func
-def body_spin(clumps: ti.template(), b, frame):
+def clump_spin(clumps: ti.template(), b, frame):
     """Spin of body b [rad s-1]; `frame` is its rotation."""
     return frame @ (clumps.inertia_inverse[b] * (frame.transpose() @ clumps.momentum[b]))
 
@@ -94,7 +94,7 @@ def record_sphere_places(world_out: ti.template(), r, first, last):
 
 
 @ti.func
-def take_force(world_out: ti.template(), r, place, arm):
+def take_sphere_force(world_out: ti.template(), r, place, arm):
     """Force [N] and torque [N m] on a body from one of its spheres at rank `place`; clears the buffers."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     force = 0.0 * arm
@@ -117,17 +117,19 @@ def kick_and_drift_body(world_out: ti.template(), r, b, kick):
     torque = force
     for k in range(clumps_out.number[b]):
         sphere = r * grains.capacity + clumps_out.first[b] + k
-        part, moment = take_force(world_out, r, clumps_out.rank[sphere], frame @ clumps_out.offset[sphere])
+        part, turn = take_sphere_force(
+            world_out, r, clumps_out.rank[sphere], frame @ clumps_out.offset[sphere]
+        )
         force += part
-        torque += moment
+        torque += turn
     dt = ti.cast(world_out.replicas.time_step[r], ti.f64)
     gravity = ti.cast(world_out.replicas.gravity[r], ti.f64)
     clumps_out.velocity[b] = clumps_out.velocity[b] + (force * clumps_out.mass_inverse[b] + gravity) * kick
     clumps_out.momentum[b] = clumps_out.momentum[b] + torque * kick
     clumps_out.position[b] = clumps_out.position[b] + clumps_out.velocity[b] * dt
     q = clumps_out.orientation[b]
-    middle = rotation_matrix(rotate_quaternion(q, body_spin(clumps_out, b, frame), 0.5 * dt))
-    clumps_out.orientation[b] = rotate_quaternion(q, body_spin(clumps_out, b, middle), dt)
+    middle = rotation_matrix(rotate_quaternion(q, clump_spin(clumps_out, b, frame), 0.5 * dt))
+    clumps_out.orientation[b] = rotate_quaternion(q, clump_spin(clumps_out, b, middle), dt)
 
 
 @ti.func
@@ -136,7 +138,7 @@ def place_spheres(world_out: ti.template(), r, b):
     clumps, grains_out = ti.static((world_out.clumps, world_out.grains))
     base = side_start(grains_out, r, world_out.replicas.side[r])
     frame = rotation_matrix(clumps.orientation[b])
-    spin = body_spin(clumps, b, frame)
+    spin = clump_spin(clumps, b, frame)
     period = world_out.replicas.period[r]
     need = 0
     for k in range(clumps.number[b]):

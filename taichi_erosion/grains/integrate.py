@@ -9,14 +9,14 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
-from taichi_erosion.grains.sleep import hold_if_asleep
+from taichi_erosion.grains.sleep import hold_sleeping_grain
 from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_start
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
 
 @ti.func
-def add_other_partitions(world_out: ti.template(), r, p):
+def add_partition_buffers(world_out: ti.template(), r, p):
     """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     block = first_force_place(grains_out, replicas, r, p)
@@ -105,7 +105,7 @@ def advance_if_awake(world_out: ti.template(), r, i, buffer, kick, place):
     """Advance the grain at place i unless it sleeps; returns REBUILD where it has left its skin."""
     moves, need = True, 0
     if ti.static(world_out.sleeps):
-        moves = not hold_if_asleep(world_out, r, i, buffer, kick)
+        moves = not hold_sleeping_grain(world_out, r, i, buffer, kick)
         if not moves:
             still = 0.0 * world_out.replicas.gravity[r]
             record_rates(world_out.grains, place, still, still)
@@ -115,7 +115,7 @@ def advance_if_awake(world_out: ti.template(), r, i, buffer, kick, place):
 
 
 @ti.func
-def publish_need(replicas_out: ti.template(), r, p, need):
+def publish_next_action(replicas_out: ti.template(), r, p, need):
     """Publish what partition p needs before the next step: nothing, REBUILD or STOP."""
     if replicas_out.fault_value[r, p] > 0.0:
         need = STOP

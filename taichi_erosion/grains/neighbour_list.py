@@ -54,14 +54,14 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: i
     """Fields of `capacity` entries a replica and side."""
     places = 2 * replicas * capacity
     # apart from the rest: the search for a pair in an old list reads nothing else
-    labels = block(places, i32="owner neighbour label")
+    names = block(places, i32="owner neighbour label")
     entries = block(
         places,
         realx3="separation tangential_displacement rolling_displacement",
         real="root_radius damping rolling_damping",
     )
     return NeighbourList(
-        capacity, stride, **labels, **entries, **block(2 * replicas * grains, i32="start stop")
+        capacity, stride, **names, **entries, **block(2 * replicas * grains, i32="start stop")
     )
 
 
@@ -110,7 +110,7 @@ def verlet_skin(replicas: ti.template(), r, radius, speed):
 
 
 @ti.func
-def wants_more_than_cells(world: ti.template(), r, i):
+def does_skin_exceed_cells(world: ti.template(), r, i):
     """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
     radius = world.grains.radius[i]
     width = unlimited_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
@@ -124,7 +124,7 @@ def count_wide_grains(world_out: ti.template(), r):
     base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wide += wants_more_than_cells(world_out, r, i)
+        wide += does_skin_exceed_cells(world_out, r, i)
     replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
 
 

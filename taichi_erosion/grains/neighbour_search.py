@@ -12,11 +12,11 @@ missed.
 from taichi_erosion.core.effect_device import copy_effect_states, set_initial_effect_states
 from taichi_erosion.core.ti import nearest_image, ti
 from taichi_erosion.grains.cells import (
+    arrange_along_axes,
     cell_coordinates,
     cell_index,
-    cell_start,
+    first_rank_of_cell,
     nearest_image_distances,
-    reorder_axes,
     wrapped_position,
 )
 from taichi_erosion.grains.contact import ROLLING_INERTIA
@@ -107,8 +107,8 @@ def ranks_of_cell_run(cells: ti.template(), number, periodic, r, place, row, pie
     first = 0
     last = 0
     if exists and 0 <= y < number[1] and z < number[2]:
-        first = cell_start(cells, r, cell_index(number, (left, y, z)))
-        last = cell_start(cells, r, cell_index(number, (right, y, z)) + 1)
+        first = first_rank_of_cell(cells, r, cell_index(number, (left, y, z)))
+        last = first_rank_of_cell(cells, r, cell_index(number, (right, y, z)) + 1)
     return first, last
 
 
@@ -138,8 +138,8 @@ def list_partners_in_cells(world_out: ti.template(), r, rank, entry, limit):
     base = side_start(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
-    periodic = reorder_axes(cells, r, ti.cast(period > 0.0, ti.i32))
-    number = reorder_axes(cells, r, cells.number[r])
+    periodic = arrange_along_axes(cells, r, ti.cast(period > 0.0, ti.i32))
+    number = arrange_along_axes(cells, r, cells.number[r])
     partners, touching = 0, 0
     for run in range(2 * ROWS):
         first, last = ranks_of_cell_run(cells, number, periodic, r, place, run // 2, run % 2)

@@ -13,7 +13,7 @@ from taichi_erosion.grains.simd_batch import (
     lane,
     load_entry_to_lane,
     load_materials_row,
-    set_lane,
+    set_lane_vector,
     store_history,
 )
 from taichi_erosion.grains.sleep import first_awake_entry, record_sleep_change
@@ -120,7 +120,7 @@ def pair_random_number(first, second):
 
 
 @ti.func
-def pass_through_each_other(world: ti.template(), r, e, i, j, overlap):
+def do_pass_through_each_other(world: ti.template(), r, e, i, j, overlap):
     """Whether the overlapping grains at places i and j pass through each other."""
     grains, replicas = ti.static((world.grains, world.replicas))
     free = 0
@@ -137,7 +137,7 @@ def pass_through_each_other(world: ti.template(), r, e, i, j, overlap):
 
 
 @ti.func
-def load_shared_row(world: ti.template(), batch_out: ti.template(), row):
+def load_shared_material_row(world: ti.template(), batch_out: ti.template(), row):
     """Load the row of Materials that all pairs share to all lanes; nothing where it is -1."""
     if row >= 0:
         for n in range(world.lanes):
@@ -146,7 +146,7 @@ def load_shared_row(world: ti.template(), batch_out: ti.template(), row):
 
 @ti.func
 def load_pair_to_lane(world: ti.template(), batch_out: ti.template(), n, base, row):
-    """Load what the contact law reads of the pair in lane n; `row` is what `load_shared_row` has loaded."""
+    """Load what the contact law reads of the pair in lane n; `row` is that of `load_shared_material_row`."""
     grains, pairs = ti.static((world.grains, world.pairs))
     i, j = base + batch_out.owner[n], base + batch_out.partner[n]
     batch_out.radius_i[n] = grains.radius[i]
@@ -154,13 +154,13 @@ def load_pair_to_lane(world: ti.template(), batch_out: ti.template(), n, base, r
     load_entry_to_lane(world, pairs, batch_out, n)
     if row < 0:
         load_materials_row(world, batch_out, n, pairs.label[batch_out.entry[n]] >> ROW_SHIFT)
-    set_lane(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
-    set_lane(batch_out.spin_i, n, grains.spin[i])
-    set_lane(batch_out.spin_j, n, grains.spin[j])
+    set_lane_vector(batch_out.velocity, n, grains.velocity[i] - grains.velocity[j])
+    set_lane_vector(batch_out.spin_i, n, grains.spin[i])
+    set_lane_vector(batch_out.spin_j, n, grains.spin[j])
 
 
 @ti.func
-def evaluate_pair(laws: ti.template(), batch_out: ti.template(), n, dt):
+def evaluate_pair_law(laws: ti.template(), batch_out: ti.template(), n, dt):
     """Contact law in lane n.
 
     Both grains turn about one point of contact, which keeps the angular momentum of the pair; the lever is
@@ -180,7 +180,7 @@ def pair_torques(batch: ti.template(), n):
 
 
 @ti.func
-def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
+def add_pair_force(world_out: ti.template(), batch: ti.template(), n, buffer):
     """Add the contact force in lane n to both grains, and store its history."""
     (grains_out,) = ti.static((world_out.grains,))
     action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
@@ -194,7 +194,7 @@ def scatter_pair(world_out: ti.template(), batch: ti.template(), n, buffer):
 
 
 @ti.func
-def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
+def load_pair_within_reach(world_out: ti.template(), batch_out: ti.template(), n, r, e, base):
     """Write the pair of entry e to lane n; returns 1 where its grains are within reach, else 0.
 
     The lane is written in any case: a branch that goes either way at random costs more.
@@ -209,31 +209,31 @@ def detect_pair(world_out: ti.template(), batch_out: ti.template(), n, r, e, bas
     batch_out.entry[n] = e
     batch_out.owner[n] = owner
     batch_out.partner[n] = partner
-    set_lane(batch_out.offset, n, offset)
+    set_lane_vector(batch_out.offset, n, offset)
     distance_squared = offset.norm_sqr()
     near = ti.cast(distance_squared < reach * reach, ti.i32)
     if ti.static(world_out.first_contact_effects.any):
         overlap = grains.radius[i] + grains.radius[j] - ti.sqrt(distance_squared)
-        near -= near * pass_through_each_other(world_out, r, e, i, j, overlap)
+        near -= near * do_pass_through_each_other(world_out, r, e, i, j, overlap)
     if near < pairs_out.label[e] & ENGAGED:
         clear_history(pairs_out, e)
     return near
 
 
 @ti.func
-def overlap_scale(batch: ti.template(), n):
+def overlap_length_scale(batch: ti.template(), n):
     """Length that the overlap in lane n is compared with: twice the effective radius [m]."""
     return 2.0 * batch.root_radius[n] * batch.root_radius[n]
 
 
 @ti.func
-def apply_pair(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grains."""
     buffer = first_force_place(world_out.grains, world_out.replicas, r, p)
-    size = overlap_scale(batch, n)
+    size = overlap_length_scale(batch, n)
     report_deep_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
-        scatter_pair(world_out, batch, n, buffer)
+        add_pair_force(world_out, batch, n, buffer)
     else:
         clear_history(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
@@ -254,17 +254,17 @@ def add_pair_forces(world_out: ti.template(), r, p):
     batch = world_out.batch_type()
     row = replicas.pair_row[r]
     if first < last:
-        load_shared_row(world_out, batch, row)
+        load_shared_material_row(world_out, batch, row)
         end = pairs.stop[base + last - 1]
         e = first_awake_entry(world_out, base, pairs.start[base + first], end)
         while e < end:
             filled = 0
             while e < end and filled < world_out.lanes:
-                filled += detect_pair(world_out, batch, filled, r, e, base)
+                filled += load_pair_within_reach(world_out, batch, filled, r, e, base)
                 e = first_awake_entry(world_out, base, e + 1, end)
             for n in range(filled):
                 load_pair_to_lane(world_out, batch, n, base, row)
             for n in range(filled):
-                evaluate_pair(world_out.laws, batch, n, dt)
+                evaluate_pair_law(world_out.laws, batch, n, dt)
             for n in range(filled):
-                apply_pair(world_out, batch, n, r, p, base)
+                apply_pair_force(world_out, batch, n, r, p, base)

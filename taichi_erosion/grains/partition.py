@@ -22,7 +22,7 @@ WALL_CONTACT = 12  # of a wall that is touched, beyond that
 
 
 @ti.func
-def barrier(replicas_out: ti.template(), r, size, phase):
+def wait_at_barrier(replicas_out: ti.template(), r, size, phase):
     """Wait until all `size` workers of a team have arrived; returns the number of the next barrier."""
     if size > 1:
         ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
@@ -33,7 +33,7 @@ def barrier(replicas_out: ti.template(), r, size, phase):
 
 
 @ti.func
-def step_barrier(replicas_out: ti.template(), r, size, phase):
+def wait_in_step(replicas_out: ti.template(), r, size, phase):
     """Barrier between parts of a step, which take all workers equally long; notes whether one was late."""
     if size > 1:
         ti.atomic_add(replicas_out.arrivals[r, ARRIVAL_SLOT], 1)
@@ -52,7 +52,7 @@ def owns_partition(replicas: ti.template(), r, p, member, size):
 
 
 @ti.func
-def count_engaged(entries: ti.template(), i):
+def engaged_contacts(entries: ti.template(), i):
     """Number of engaged contacts of the grain at place i."""
     number = 0
     for e in range(entries.start[i], entries.stop[i]):
@@ -65,7 +65,7 @@ def grain_cost(world: ti.template(), i):
     """Cost of the grain at place i, from its lists before the rebuild."""
     pairs, walls = ti.static((world.pairs, world.wall_pairs))
     listed = pairs.stop[i] - pairs.start[i] + WALL * (walls.stop[i] - walls.start[i])
-    return GRAIN + listed + CONTACT * count_engaged(pairs, i) + WALL_CONTACT * count_engaged(walls, i)
+    return GRAIN + listed + CONTACT * engaged_contacts(pairs, i) + WALL_CONTACT * engaged_contacts(walls, i)
 
 
 @ti.func

@@ -47,7 +47,7 @@ def lane(columns: ti.template(), n):
 
 
 @ti.func
-def set_lane(columns_out: ti.template(), n, vector):
+def set_lane_vector(columns_out: ti.template(), n, vector):
     columns_out.x[n] = vector[0]
     columns_out.y[n] = vector[1]
     columns_out.z[n] = vector[2]
@@ -75,8 +75,8 @@ def load_entry_to_lane(world: ti.template(), entries: ti.template(), batch_out: 
     batch_out.rolling_damping[n] = entries.rolling_damping[e]
     if ti.static(world.laws.adhesive):
         batch_out.engaged[n] = entries.label[e] & ENGAGED
-    set_lane(batch_out.tangential_displacement, n, entries.tangential_displacement[e])
-    set_lane(batch_out.rolling_displacement, n, entries.rolling_displacement[e])
+    set_lane_vector(batch_out.tangential_displacement, n, entries.tangential_displacement[e])
+    set_lane_vector(batch_out.rolling_displacement, n, entries.rolling_displacement[e])
 
 
 @ti.func
@@ -117,8 +117,8 @@ def evaluate_contact_law(laws: ti.template(), batch_out: ti.template(), n, dt, n
     )
     batch_out.overlap[n] = overlap
     batch_out.acts[n] = acts
-    set_lane(batch_out.force, n, force)
-    set_lane(batch_out.moment, n, moment)
-    set_lane(batch_out.torque_per_radius, n, lever * ti.math.cross(normal, friction))
-    set_lane(batch_out.tangential_displacement, n, tangential_after)
-    set_lane(batch_out.rolling_displacement, n, rolling_after)
+    set_lane_vector(batch_out.force, n, force)
+    set_lane_vector(batch_out.moment, n, moment)
+    set_lane_vector(batch_out.torque_per_radius, n, lever * ti.math.cross(normal, friction))
+    set_lane_vector(batch_out.tangential_displacement, n, tangential_after)
+    set_lane_vector(batch_out.rolling_displacement, n, rolling_after)

@@ -24,7 +24,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED, entry_count
-from taichi_erosion.grains.partition import barrier, owns_partition
+from taichi_erosion.grains.partition import owns_partition, wait_at_barrier
 from taichi_erosion.grains.state import arrays, partition_first_rank, side_start
 
 REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
@@ -105,7 +105,7 @@ def first_awake_entry(world_out: ti.template(), base, e, end):
 
 
 @ti.func
-def hold_if_asleep(world_out: ti.template(), r, i, buffer, kick):
+def hold_sleeping_grain(world_out: ti.template(), r, i, buffer, kick):
     """Fix a sleeping grain at place i for one step, and clear its buffer; returns whether it sleeps."""
     grains_out, sleep_out = ti.static((world_out.grains, world_out.sleep))
     asleep = is_asleep(sleep_out, i)
@@ -181,5 +181,5 @@ def update_sleep_states(world_out: ti.template(), r, member, size, phase):
                     first = partition_first_rank(replicas_out, r, p)
                     for rank in range(first, partition_first_rank(replicas_out, r, p + 1)):
                         task(world_out, r, base + rank)
-            phase = barrier(replicas_out, r, size, phase)
+            phase = wait_at_barrier(replicas_out, r, size, phase)
     return phase

@@ -145,9 +145,9 @@ def allocate_grains(replicas: int, partitions: int, capacity: int) -> Grains:
 def allocate_source(replicas: int, capacity: int) -> Source:
     """Fields of the GrainTables, by replica and row."""
     places = replicas * capacity
-    motion = block(places, realx3="velocity spin", real="radius mass_inverse")
+    moves = block(places, realx3="velocity spin", real="radius mass_inverse")
     return Source(
-        **block(places, f64x3="position"), **motion, **block(places, i32="material release_step body")
+        **block(places, f64x3="position"), **moves, **block(places, i32="material release_step body")
     )
 
 

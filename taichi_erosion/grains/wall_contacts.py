@@ -26,7 +26,7 @@ from taichi_erosion.grains.simd_batch import (
     lane,
     load_entry_to_lane,
     load_materials_row,
-    set_lane,
+    set_lane_vector,
     store_history,
 )
 from taichi_erosion.grains.sleep import is_asleep
@@ -174,11 +174,11 @@ def detect_wall(world_out: ti.template(), batch_out: ti.template(), n, r, base, 
         batch_out.radius_i[n] = radius
         batch_out.radius_j[n] = 0.0
         batch_out.overlap[n] = ti.cast(ti.cast(radius, ti.f64) - distance, float)
-        set_lane(batch_out.offset, n, ti.cast(normal, float))
+        set_lane_vector(batch_out.offset, n, ti.cast(normal, float))
         velocity = ti.cast(surface_velocity(walls, s, point), float)
-        set_lane(batch_out.velocity, n, grains.velocity[i] - velocity)
-        set_lane(batch_out.spin_i, n, grains.spin[i])
-        set_lane(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
+        set_lane_vector(batch_out.velocity, n, grains.velocity[i] - velocity)
+        set_lane_vector(batch_out.spin_i, n, grains.spin[i])
+        set_lane_vector(batch_out.spin_j, n, ti.cast(walls.spin[s], float))
     else:
         near = 0
         clear_history(entries_out, e)
@@ -192,7 +192,7 @@ def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 
 @ti.func
-def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
+def apply_wall_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grain."""
     rank, radius = batch.owner[n], batch.radius_i[n]
     report_deep_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
@@ -293,7 +293,7 @@ def add_wall_forces(world_out: ti.template(), r, p):
             for n in range(filled):
                 evaluate_wall(world_out.laws, batch, n, dt)
             for n in range(filled):
-                apply_wall(world_out, batch, n, r, p, base)
+                apply_wall_force(world_out, batch, n, r, p, base)
 
 
 FAR = 1e30  # gap of a wall that is nowhere near [m]
@@ -309,14 +309,14 @@ def wall_gap(world: ti.template(), r, i, w):
     gap = ti.cast(FAR, ti.f64)
     if walls.present[s] == 1:
         local = into_wall_frame(walls, s, grains.origin[i])
-        ball_reach = walls.ball_radius[w] + near + wall_skin(world, r, i, w)
+        ball_reach = walls.ball_radius[w] + near + wall_approach_bound(world, r, i, w)
         if (local - walls.ball_centre[w]).norm_sqr() < ball_reach * ball_reach:
             gap = wall_distance(walls, w, wall_offset(walls, w, local)) - near
     return gap
 
 
 @ti.func
-def wall_skin(world: ti.template(), r, i, w):
+def wall_approach_bound(world: ti.template(), r, i, w):
     """Bound on how much nearer the grain at place i and primitive w may come before the next rebuild [m]."""
     allowed = ti.sqrt(world.grains.skin_squared[i])
     if world.walls.moving[primitive_surface(world.walls, w)] == 1:
@@ -366,7 +366,7 @@ def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
     for k in range(walls.primitives):
         w = r * walls.primitives + k
         gap = wall_gap(world_out, r, i, w)
-        if gap < wall_skin(world_out, r, i, w):
+        if gap < wall_approach_bound(world_out, r, i, w):
             if entry + count < limit:
                 write_wall_entry(world_out, r, entry + count, rank, w)
                 spare = gap - ROUNDING * world_out.grains.radius[i]

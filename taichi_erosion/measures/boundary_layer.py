@@ -93,7 +93,7 @@ class LogFit:
     points: int
 
 
-def log_fit(profile: Profile, karman: float) -> LogFit | None:
+def fit_log_profile(profile: Profile, karman: float) -> LogFit | None:
     """Fit of  u = (u* / kappa) ln(z / z0)  to the logarithmic part of a profile; None with too few points."""
     low = LOG_LOW * profile.viscosity / max(profile.friction_velocity, np.finfo(float).tiny)
     inside = (profile.z > low) & (profile.z < LOG_HIGH * boundary_layer_thickness(profile))
@@ -135,7 +135,7 @@ def measure_of_time_mean(
 def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
     """Friction velocity from the slope of the logarithmic part, as a laboratory reads it [m s-1]."""
     name = "friction_velocity_fit"
-    fits = [fit for profile in air.wind_profiles if (fit := log_fit(profile, air.karman)) is not None]
+    fits = [fit for profile in air.wind_profiles if (fit := fit_log_profile(profile, air.karman)) is not None]
     if not fits:
         return no_measurement(name, "m s-1", f"fewer than {POINTS_LEAST} points in the logarithmic part")
     values = [fit.friction_velocity for fit in fits]

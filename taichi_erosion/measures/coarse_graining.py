@@ -98,9 +98,8 @@ def coarse_grain(state: Snapshot, network: ContactNetwork, kernel: Kernel) -> Gr
 
 def contact_stress(network: ContactNetwork, kernel: Kernel) -> Floats:
     """Stress that the contacts carry along their branches [Pa], [*shape, 3, 3]."""
-    longest = float(np.linalg.norm(network.branch, axis=1).max(initial=0.0))
-    count = LEAST_NODES + ceil(NODES_PER_WIDTH * longest / kernel.width)
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    far = float(np.linalg.norm(network.branch, axis=1).max(initial=0.0))
+    nodes, weights = np.polynomial.legendre.leggauss(LEAST_NODES + ceil(NODES_PER_WIDTH * far / kernel.width))
     carried = network.force[:, :, None] * network.branch[:, None, :]
     parts = (
         kernel.kernel_sum(network.centre - 0.5 * (1.0 + node) * network.branch, 0.5 * weight * carried)

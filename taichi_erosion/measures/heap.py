@@ -271,7 +271,7 @@ def repose_angle(
 def fit_view(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:
     """Draw the heap from one azimuth [deg] and fit its flanks."""
     picture = silhouette.draw_silhouette(position, radius, float(np.radians(azimuth)), base_height, grain)
-    outline = silhouette.extract_outline(silhouette.largest_body(picture.image), picture.pixel)
+    outline = silhouette.extract_outline(silhouette.largest_connected_body(picture.image), picture.pixel)
     axis = picture.left + 0.5 * picture.pixel - float(outline.position[0])
     flanks = silhouette.fit_flanks(outline, grain, SHORTEST_FLANK * grain)
     return View(float(azimuth), float(outline.height.max()), axis, flanks)

@@ -246,7 +246,7 @@ def detect_heap(path: Path, grey: Grey, background: Background, threshold: float
     else:
         base = round(line.row)
     base = min(max(base, 1), scene.shape[0])
-    body = silhouette.largest_body(scene[:base])
+    body = silhouette.largest_connected_body(scene[:base])
     height = base - int(np.argmax(body.any(axis=1)))
     if not body.any() or height < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: nothing rises {LOWEST_HEAP} pixels above the base at row {base}")
@@ -322,7 +322,7 @@ def largest_foreground_body(grey: Grey, threshold: float, side: Literal["dark", 
     """Largest body that differs from the background, without specks."""
     different = grey > threshold if side == "dark" else grey <= threshold
     opened = scipy.ndimage.binary_opening(different, structure=silhouette.EIGHT_NEIGHBOURS)
-    return silhouette.largest_body(np.asarray(opened, dtype=bool))
+    return silhouette.largest_connected_body(np.asarray(opened, dtype=bool))
 
 
 def remove_uneven_light(grey: Grey) -> Grey:

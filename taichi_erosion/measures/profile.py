@@ -17,7 +17,7 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.heap import OUTLINE_BINS, RADIUS_SHARE
 from taichi_erosion.measures.silhouette import SHOULDER_SHARE, fit_polynomial, heights_of_fit_window
-from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.scene.schema.units import conversion_factor, parse_unit
 from taichi_erosion.tables.cell_numbers import read_cell
 from taichi_erosion.tables.headings import read_heading
 from taichi_erosion.tables.number_words import heading, plain
@@ -82,7 +82,7 @@ def measure_heap_table(
         raise BadInput(*faults)
     chosen = [find_column(cells, place, PLACES, "--place"), find_column(cells, height, HEIGHTS, "--height")]
     units = [read_heading(cells.heading[column]).unit or "1" for column in chosen]
-    factor = [conversion(parse_unit(unit), parse_unit("m")) or nan for unit in units]
+    factor = [conversion_factor(parse_unit(unit), parse_unit("m")) or nan for unit in units]
     if isnan(sum(factor)):
         raise BadInput(f"{path}: '{cells.heading[chosen[isnan(factor[1])]]}' has no unit of length: x [mm]")
     points: dict[tuple[str, ...], list[tuple[float, ...]]] = {}

@@ -50,7 +50,7 @@ def no_measurement(name: str, unit: str, reason: str) -> Measurement:
     return Measurement(name, nan, nan, unit, n=0, notes=(reason,))
 
 
-def pool(repeats: Sequence[Measurement]) -> Measurement:
+def pool_repeats(repeats: Sequence[Measurement]) -> Measurement:
     """Mean and sample standard deviation over repeats of one measure.
 
     Repeats without a value are left out and counted in the notes. A single repeat keeps its own sd.
@@ -80,17 +80,17 @@ def shortfalls_of_most_repeats(repeats: Sequence[Measurement]) -> tuple[Shortfal
 
 def as_record(measurement: Measurement) -> dict[str, Any]:
     """The measurement as plain JSON values; NaN, which JSON lacks, becomes None."""
-    return {key: without_nan(value) for key, value in asdict(measurement).items()}
+    return {key: nan_to_none(value) for key, value in asdict(measurement).items()}
 
 
-def without_nan(value: Any) -> Any:
+def nan_to_none(value: Any) -> Any:
     """The same nested value with every number that is not finite replaced by None, tuples by lists."""
     if isinstance(value, float):
         return value if isfinite(value) else None
     if isinstance(value, dict):
-        return {key: without_nan(entry) for key, entry in value.items()}
+        return {key: nan_to_none(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
-        return [without_nan(entry) for entry in value]
+        return [nan_to_none(entry) for entry in value]
     return value
 
 

@@ -54,13 +54,13 @@ def heap_height(rows: float) -> float:
     return max((rows + FOOT_GRAINS) / SHOULDER_SHARE, rows / (SHOULDER_SHARE - FOOT_SHARE))
 
 
-def grains_for(rows: float, angle: float) -> int:
+def grain_count(rows: float, angle: float) -> int:
     """Grains that suffice for a heap of this angle [deg] with so many rows, to two digits, rounded up."""
     slope = tan(radians(max(angle, LEAST_ANGLE) if isfinite(angle) else USUAL_ANGLE))
-    return round_up(HEAP_FACTOR * heap_height(rows) ** 3 / slope**2)
+    return round_up_two_digits(HEAP_FACTOR * heap_height(rows) ** 3 / slope**2)
 
 
-def round_up(count: float) -> int:
+def round_up_two_digits(count: float) -> int:
     """A number of grains with two digits, rounded up."""
     unit = 10 ** (int(log10(count)) - 1)
     return ceil(count / unit) * unit
@@ -71,10 +71,10 @@ def grains_needed_for_rows(rows_needed: float, rows: float, grains: int, angle: 
 
     Those of a heap of this angle [deg]; where the heap has as many and is flatter, those of its own shape.
     """
-    estimate = grains_for(rows_needed, angle)
+    estimate = grain_count(rows_needed, angle)
     if estimate > grains:
         return estimate
-    return round_up(grains * (heap_height(rows_needed) / heap_height(rows)) ** 3)
+    return round_up_two_digits(grains * (heap_height(rows_needed) / heap_height(rows)) ** 3)
 
 
 def heap_shortfalls(

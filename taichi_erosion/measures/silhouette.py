@@ -91,7 +91,7 @@ def fill_discs(discs: Floats, shape: tuple[int, int]) -> Image:
     return np.cumsum(steps.reshape(rows + 1, columns)[:rows], axis=0) > 0
 
 
-def largest_body(image: Image) -> Image:
+def largest_connected_body(image: Image) -> Image:
     """Largest connected foreground with holes filled: detached specks and flying grains are not heap."""
     filled = scipy.ndimage.binary_fill_holes(image)
     labels = np.zeros(image.shape, dtype=np.int32)

@@ -55,7 +55,7 @@ def count_splash_events(frames: Sequence[Snapshot], patch: Patch, gravity: float
     gap = 2.0 * (fall + float(np.diff(times).max(initial=0.0)))
     impacts, bounced, ejected = [], [], 0
     for grain in np.flatnonzero(np.any([f.position[:, 2] > patch.clear for f in frames], axis=0)).tolist():
-        flights = list(flights_of(grain, frames, patch, gravity))
+        flights = list(grain_flights(grain, frames, patch, gravity))
         for before, after in zip([None, *flights], [*flights, None], strict=True):
             follows = before is not None and after is not None and after.takeoff - before.landing <= gap
             if before is not None and before.landing <= times[-1] - gap:
@@ -67,22 +67,22 @@ def count_splash_events(frames: Sequence[Snapshot], patch: Patch, gravity: float
     return Splash(np.array(impacts).reshape(pair), np.array(bounced).reshape(pair), ejected)
 
 
-def flights_of(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:
+def grain_flights(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:
     """Flights of one grain, in order."""
     began: int | None = None
     for k, frame in enumerate(frames):
         flying = frame.position[grain, 2] > patch.clear
         turned = began is not None and frame.velocity[grain, 2] > 0.0 >= frames[k - 1].velocity[grain, 2]
         if began is not None and (not flying or turned):
-            yield flight(grain, (frames[began], frames[k - 1]), patch, gravity)
+            yield flight_between(grain, (frames[began], frames[k - 1]), patch, gravity)
             began = None
         if flying and began is None:
             began = k
     if began is not None:
-        yield flight(grain, (frames[began], frames[-1]), patch, gravity)
+        yield flight_between(grain, (frames[began], frames[-1]), patch, gravity)
 
 
-def flight(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
+def flight_between(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
     speeds = [
         (
             float(frame.velocity[grain, 0]),

@@ -9,7 +9,7 @@ import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.boundary_layer import flat_plate_thickness, free_stream_speed_by_coles
-from taichi_erosion.measures.result import Measurement, no_measurement, pool
+from taichi_erosion.measures.result import Measurement, no_measurement, pool_repeats
 from taichi_erosion.measures.shortfalls import few_beds_shortfall
 
 UNIT = "m s-1"
@@ -165,7 +165,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     deviation of beds and of what their brackets leave open, and `details` hold the interval from the profile
     of the likelihood with the limit n ln(1 + t^2 / (n - 1)): Student's for normal beds, as for means.
     """
-    plain = pool(repeats)
+    plain = pool_repeats(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
     values_of = {key: [r.details[key] for r in repeats if key in r.details] for key in SHARED}
     shared = {key: float(np.mean(values)) for key, values in values_of.items() if values}
@@ -199,20 +199,20 @@ def log_likelihood_of_brackets(ends: Floats, middle: float, scale: Floats) -> Fl
 def fit_logistic_law(ends: Floats) -> tuple[float, float, float, float]:
     """Most likely middle and scale, and the ends of the interval of the middle, in logarithms."""
 
-    def best(middle: float) -> tuple[float, float]:
+    def best_scale(middle: float) -> tuple[float, float]:
         heights = log_likelihood_of_brackets(ends, middle, SCALES)
         k = int(np.argmax(heights))
         return float(SCALES[k]), float(heights[k])
 
     start = float(ends.mean())
-    optimum = scipy.optimize.minimize(lambda m: -best(float(m[0]))[1], [start], method="Nelder-Mead")
+    optimum = scipy.optimize.minimize(lambda m: -best_scale(float(m[0]))[1], [start], method="Nelder-Mead")
     middle, count = float(optimum.x[0]), len(ends)
-    scale, most = best(middle)
+    scale, most = best_scale(middle)
     quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
 
     def excess(m: float) -> float:
-        return most - best(m)[1] - limit
+        return most - best_scale(m)[1] - limit
 
     def interval_end(outer: float) -> float:
         bracket = sorted((outer, middle))

@@ -34,7 +34,7 @@ def mean_force_along_axis(loads: Sequence[Floats], axis: Floats) -> Measurement:
     return mean_of_series("wall_force", [float(load[:3] @ axis) for load in loads], "N")
 
 
-def torque_about(loads: Sequence[Floats], axis: Floats, centre: Floats) -> Measurement:
+def mean_torque_about(loads: Sequence[Floats], axis: Floats, centre: Floats) -> Measurement:
     """Torque of the grains about an axis through a centre [N m]; mean and `sd` as of a force."""
     torques = [float((load[3:6] - np.cross(centre, load[:3])) @ axis) for load in loads]
     return mean_of_series("wall_torque", torques, "N m")
@@ -70,10 +70,8 @@ def shear_strength(loads: Sequence[Floats], axis: Floats) -> Strength | str:
     if not normal.any():
         return "no grain presses on the walls"
     mean = np.ones(width) / width
-    smooth_load = np.maximum(np.convolve(np.abs(normal), mean, "valid"), TINY)
-    return Strength(
-        across, np.abs(normal), int(np.argmax(np.convolve(across, mean, "valid") / smooth_load)), width
-    )
+    base = np.maximum(np.convolve(np.abs(normal), mean, "valid"), TINY)
+    return Strength(across, np.abs(normal), int(np.argmax(np.convolve(across, mean, "valid") / base)), width)
 
 
 def peak_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:
@@ -105,7 +103,7 @@ def residual_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measuremen
     return replace(mean, value=degrees(atan(mean.value)), sd=error)
 
 
-def at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
+def value_at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:
     """Stress across or along the normal [Pa], or displacement across it [m], where the ratio is largest."""
     unit = "m" if name == "peak_displacement" else "Pa"
     if isinstance(peak := shear_strength(loads, axis), str):

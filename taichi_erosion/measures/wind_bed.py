@@ -102,10 +102,10 @@ def mean_sand_flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
 
     Q = sum m v_x / A   over all grains of a patch of area A.
     """
-    return mean_by_block("flux", [flux_of(frame, patch) for frame in frames], "kg m-1 s-1")
+    return mean_by_block("flux", [flux_of_frame(frame, patch) for frame in frames], "kg m-1 s-1")
 
 
-def flux_of(frame: Snapshot, patch: Patch) -> float:
+def flux_of_frame(frame: Snapshot, patch: Patch) -> float:
     """Flux at one moment [kg m-1 s-1]."""
     return float((frame.mass * frame.velocity[:, 0]).sum()) / patch.area
 

@@ -65,13 +65,13 @@ def iversen_white(sand: Sand) -> float:
     return friction
 
 
-def shao_lu(sand: Sand, cohesion: float = 3e-4) -> float:
+def shao_lu_threshold(sand: Sand, cohesion: float = 3e-4) -> float:
     """Fluid threshold of Shao & Lu [m s-1]; `cohesion` is G [kg s-2]."""
     pull = cohesion / (sand.air_density * sand.diameter)
     return sqrt(0.0123 * (sand.density_ratio * GRAVITY * sand.diameter + pull))
 
 
-def kok_impact(sand: Sand) -> float:
+def kok_impact_threshold(sand: Sand) -> float:
     """Impact threshold of Kok et al. [m s-1]; NaN beyond 0.05 to 2 mm and for other grains or air."""
     diameters, values = np.array(KOK.split(), dtype=float).reshape(-1, 2).T
     if abs(log(sand.density_ratio / Sand(sand.diameter).density_ratio)) > SAME_DENSITY:
@@ -94,9 +94,9 @@ FLUID: dict[str, Callable[[Sand], float]] = {
         sqrt(0.01 * (s.density_ratio - 1.0) * GRAVITY * s.diameter) if s.diameter >= 2e-4 else nan
     ),
     "Iversen & White (1982)": iversen_white,
-    "Shao & Lu (2000)": shao_lu,
+    "Shao & Lu (2000)": shao_lu_threshold,
 }
-IMPACT: dict[str, Callable[[Sand], float]] = {"Kok et al. (2012)": kok_impact}
+IMPACT: dict[str, Callable[[Sand], float]] = {"Kok et al. (2012)": kok_impact_threshold}
 RANGES = {  # of laws that are NaN beyond, and what stands in
     "Bagnold (1941)": "holds from 0.2 mm on",
     "Kok et al. (2012)": "hold for quartz of 0.05 to 2 mm in air; fluxes take 0.8 of Iversen & White",
@@ -110,7 +110,7 @@ FLUX: dict[str, Callable[[Sand, float, float], float]] = {  # over rho / g, of s
 
 def flux_by(name: str, sand: Sand, friction: float) -> float:
     """Flux by one formula [kg m-1 s-1]; without a number of Kok et al. u_t is 0.8 of Iversen & White's."""
-    impact = kok_impact(sand)
+    impact = kok_impact_threshold(sand)
     threshold = 0.8 * iversen_white(sand) if isnan(impact) else impact
     unit = sand.air_density / GRAVITY
     return unit * FLUX[name](sand, friction, threshold) if friction > threshold else 0.0

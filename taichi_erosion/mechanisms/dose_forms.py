@@ -62,7 +62,7 @@ class Form:
         return plain.replace("np.maximum", "max").replace("np.", "").replace(" ** ", "^").replace(" * ", " ")
 
 
-def typical_size(column: Floats) -> float:
+def median_nonzero_size(column: Floats) -> float:
     """Median of the sizes that are not zero, to three digits."""
     return float(f"{np.median(np.abs(column[column != 0.0])):.3g}")
 
@@ -94,7 +94,7 @@ def allowed_forms(conditions: Conditions) -> Iterator[Form]:
 
 def power_form(title: str, columns: Conditions, fixed: tuple[float, ...] = ()) -> Form:
     """Product of powers, free or fixed; of a condition that reaches zero the power is positive."""
-    scales = {name: typical_size(column) for name, column in columns.items()}
+    scales = {name: median_nonzero_size(column) for name, column in columns.items()}
     letters = () if fixed else ("p", "q")[: len(columns)]
     low = () if fixed else tuple(-STEEPEST if c.min() > 0.0 else FLATTEST for c in columns.values())
     terms = [f"{power:g}" for power in fixed] or [f"{{{letter}}}" for letter in letters]
@@ -112,7 +112,7 @@ def power_form(title: str, columns: Conditions, fixed: tuple[float, ...] = ()) -
 
 def onset_form(name: str, column: Floats) -> Form:
     """A power of what a condition has above an onset."""
-    scale, least, most = typical_size(column), float(column.min()), float(column.max())
+    scale, least, most = median_nonzero_size(column), float(column.min()), float(column.max())
 
     def shape(at: Conditions, n: Floats) -> Floats:
         return (np.maximum(at[name] - n[1], 0.0) / scale) ** n[0]
@@ -125,7 +125,7 @@ def onset_form(name: str, column: Floats) -> Form:
 
 def saturating_form(name: str, column: Floats) -> Form:
     """Growth to a limit."""
-    scale, most = typical_size(column), float(column.max())
+    scale, most = median_nonzero_size(column), float(column.max())
 
     def shape(at: Conditions, n: Floats) -> Floats:
         return -np.expm1(-at[name] / n[0])

@@ -52,15 +52,15 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
 
     def change(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
-        after = factor * before if before > 0.0 else friction / contact.rolling_lever
+        after = factor * before if before > 0.0 else friction / contact.rolling_radius_ratio
         return contact.model_copy(update={"friction_rolling": after})
 
-    def free(contact: Contact) -> Contact:
+    def free_rolling(contact: Contact) -> Contact:
         return contact.model_copy(update={"friction_rolling": 0.0})
 
     if bare:
         with_law = changes.with_section(scene, "laws", rolling="elastic_plastic")
-        scene = changes.with_contacts(with_law, free, not walls)
+        scene = changes.with_contacts(with_law, free_rolling, not walls)
     return changes.with_contacts(scene, change, walls)
 
 

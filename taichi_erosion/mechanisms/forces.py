@@ -155,7 +155,7 @@ def pull_mechanism(length: float, share: float) -> tuple[Any, Any, dict[str, Any
     return pull, partial(pull_checks, length, share), members
 
 
-def constant_of_dose(name: str, unit: float) -> dict[str, Any]:
+def dose_constant_members(name: str, unit: float) -> dict[str, Any]:
     """Members of a row whose one constant is the dose in this unit."""
     return {"constants": lambda params, strength, _: {name: strength * params.dose * unit}}
 
@@ -163,13 +163,13 @@ def constant_of_dose(name: str, unit: float) -> dict[str, Any]:
 FORCES = {  # mechanism -> act, checks, other members
     "contact_pull": pull_mechanism(1.0, 0.01),
     "gap_pull": pull_mechanism(DIAMETER_OVER_EFFECTIVE, 0.2),
-    "vertical_force": (push_upwards, vertical_checks, constant_of_dose("acceleration", GRAVITY)),
+    "vertical_force": (push_upwards, vertical_checks, dose_constant_members("acceleration", GRAVITY)),
     "drag": (
         no_push,
         drag_checks,
         {"constants": lambda p, s, _: {"more": dose_factor(s, p.dose) - 1.0}, "drag": drag_factor},
     ),
-    "lift": (push_across, lift_checks, constant_of_dose("coefficient", SAFFMAN)),
+    "lift": (push_across, lift_checks, dose_constant_members("coefficient", SAFFMAN)),
     "gustiness": (
         turbulent_gusts.push,
         gust_checks,

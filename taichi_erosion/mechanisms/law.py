@@ -23,10 +23,10 @@ def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, C
     if constants is None:
         return None
 
-    def of_law(params: Any, strength: float, conditions: Conditions) -> Constants:
+    def constants_of_law(params: Any, strength: float, conditions: Conditions) -> Constants:
         return constants(params_at(mechanism, strength * float(dose_of(params, conditions))), 1.0, conditions)
 
-    return of_law
+    return constants_of_law
 
 
 def law_act(mechanism: Effect, dose_of: DoseOf) -> Callable[..., Any]:

@@ -9,7 +9,7 @@ from PIL import Image
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import FIELD_UNITS, AirSnapshot, GrainFields
 from taichi_erosion.recording import pictures, rr, rrb, stream
-from taichi_erosion.recording.blueprint import image_view, with_time_panel
+from taichi_erosion.recording.blueprint import add_time_panel, image_view
 from taichi_erosion.recording.pictures import Colours, Picture
 from taichi_erosion.recording.stream import Recording
 
@@ -37,11 +37,11 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
         rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
     )
     layout = rrb.Vertical(image_view("Speed along the wind", "/slice"), below, row_shares=[1, 1])
-    recording = stream.open_stream(path, name, with_time_panel(layout, FRAMES_PER_SECOND))
+    recording = stream.open_stream(path, name, add_time_panel(layout, FRAMES_PER_SECOND))
     stream.log_scene_text(recording, name, scene_text)
     for curve, legend in curves.items():
         stream.log_curve_legend(recording, f"air/{curve}", legend, pictures.SAND)
-    stream.flush(recording)
+    stream.flush_recording(recording)
     return recording
 
 

@@ -56,7 +56,7 @@ def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
     return Focus((middle[0], middle[1], middle[2]), 0.5 * float(np.linalg.norm(high - low)))
 
 
-def with_time_panel(
+def add_time_panel(
     layout: Any, frames_per_second: float = FRAMES_PER_SECOND, timeline: str = TIMELINE
 ) -> "rrb.Blueprint":
     """Blueprint of a layout: time panel collapsed, other panels hidden, nothing added by the viewer."""
@@ -87,7 +87,7 @@ def run_blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool 
         views.append(grain_view(focus, CHAINS, hidden=("/world/bed", "/world/mobile")))
         shares = [4, 4, 1]
     left = rrb.Vertical(*views, image_view(LEGEND, "/legend"), row_shares=shares)
-    return with_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
+    return add_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
 
 
 def scene_kind_views(kind: str) -> "list[rrb.View]":

@@ -18,7 +18,7 @@ from PIL.Image import Resampling
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot
-from taichi_erosion.recording.wall_mesh import WallMesh, section_lines
+from taichi_erosion.recording.wall_mesh import WallMesh, wall_cut_lines
 
 Colours = NDArray[np.uint8]  # [n, 3]
 Mask = NDArray[np.bool_]
@@ -161,7 +161,7 @@ def render_side(
     draw = ImageDraw.Draw(picture, "RGBA")
     draw_spheres(draw, positions, radii, fine, colours)
     for wall in walls:
-        for ends in fine.pixels(section_lines(wall)):
+        for ends in fine.pixels(wall_cut_lines(wall)):
             draw.line(ends.ravel().tolist(), (*STEEL, 170), SMOOTHING)
     return picture.reduce(SMOOTHING)
 

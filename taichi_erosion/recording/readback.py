@@ -162,14 +162,12 @@ def read_grains(path: Path) -> list[GrainFrame]:
 
 def read_contacts(path: Path) -> list[ContactNetwork]:
     """Contacts of every frame, to single precision; none where the scene did not ask for them."""
-    networks = []
+    frames = []
     for time, row in component_rows(path, CONTACTS, "first"):
         walls = tuple(str(name) for name in row["walls"])
         vectors = {name: row[name].astype(np.float64) for name in CONTACT_VECTORS}
-        networks.append(
-            ContactNetwork(time * NANOSECOND, row["first"], row["second"], **vectors, walls=walls)
-        )
-    return networks
+        frames.append(ContactNetwork(time * NANOSECOND, row["first"], row["second"], **vectors, walls=walls))
+    return frames
 
 
 def read_fields(path: Path) -> list[GrainFields]:

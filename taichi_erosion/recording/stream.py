@@ -156,7 +156,7 @@ def open_recording(path: Path, header: RunHeader) -> Recording:
         log_curve_legend(recording, entity, legend, colour)
     set_recording_time(recording, 0.0, 0)
     log_surroundings(recording, header.walls, focus)
-    flush(recording)
+    flush_recording(recording)
     return recording
 
 
@@ -168,7 +168,7 @@ def open_view(kind: str, radii: Floats, walls: tuple[WallMesh, ...]) -> tuple[Re
     focus = blueprints.choose_focus(kind, radii, walls)
     recording = Recording(Path(), rr.RecordingStream(APPLICATION))
     out = recording.stream.binary_stream()
-    recording.stream.send_blueprint(blueprints.with_time_panel(blueprints.grain_view(focus), timeline=FRAME))
+    recording.stream.send_blueprint(blueprints.add_time_panel(blueprints.grain_view(focus), timeline=FRAME))
     recording.stream.set_log_time_enabled(False)
     recording.stream.set_log_tick_enabled(False)
     recording.stream.set_time(FRAME, sequence=0)
@@ -382,7 +382,7 @@ def set_run_properties(recording: Recording, group: str, values: Mapping[str, An
         recording.stream.send_property(group, rr.AnyValues(**properties))
 
 
-def flush(recording: Recording) -> None:
+def flush_recording(recording: Recording) -> None:
     """Write everything to the operating system: what was logged survives the death of this process.
 
     Raises BadInput where the disk takes nothing more; what it took can be read.
@@ -403,7 +403,7 @@ def close(recording: Recording, properties: Mapping[str, Mapping[str, Any]] | No
         set_run_properties(recording, group, values)
     part = part_path(recording.path)
     if part.exists():
-        flush(recording)
+        flush_recording(recording)
         recording.stream.disconnect()
         os.replace(part, recording.path)
     if recording.lock is not None:

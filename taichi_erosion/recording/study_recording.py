@@ -58,7 +58,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
     for entity, text in (("summary", page.summary), ("table", page.table)):
         stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
     for name, content in page.figures.items():
-        stream.log(figure_entity(name), rr.EncodedImage(contents=content, media_type="image/png"))
+        stream.log(figure_entity_path(name), rr.EncodedImage(contents=content, media_type="image/png"))
     set_run_properties(recording, "study", page.properties or {})
     if page.columns:
         stream.log(DESIGN, rr.AnyValues(False, **page.columns), static=True)
@@ -78,15 +78,15 @@ def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
         rrb.TextDocumentView(name="What was found", origin="/summary"),
         rrb.TextDocumentView(name="All runs", origin="/table"),
     )
-    figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity(name)}") for name in page.figures]
+    figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity_path(name)}") for name in page.figures]
     if not films:
-        return blueprint.with_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))
+        return blueprint.add_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))
     focus = common_focus(films)
     above = rrb.Grid(
         *(blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs)
     )
     below = rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[1, 1])
-    return blueprint.with_time_panel(rrb.Vertical(above, below, row_shares=[3, 2]))
+    return blueprint.add_time_panel(rrb.Vertical(above, below, row_shares=[3, 2]))
 
 
 def common_focus(films: Films) -> Focus:
@@ -98,5 +98,5 @@ def common_focus(films: Films) -> Focus:
     return Focus((0.0, 0.0, 0.0), max(focus.radius for focus in heaps))
 
 
-def figure_entity(name: str) -> str:
+def figure_entity_path(name: str) -> str:
     return f"figures/{name.replace(' ', '_').replace(',', '')}"

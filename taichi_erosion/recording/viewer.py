@@ -105,7 +105,7 @@ def serve_web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
         page, sink = free_port(), free_port()
         files = [whole.resolve()] if whole else []
         with background_viewer(sink, "--serve-web", "--web-viewer-port", str(page), *files):
-            wait_until(
+            poll_until(
                 lambda: is_listening(page) and is_listening(sink), START_LIMIT, "the web viewer did not start"
             )
             yield WebViewer(page, sink)
@@ -177,7 +177,7 @@ def headless_viewer(path: Path, size: tuple[int, int]) -> Iterator["ViewerClient
         client = connect_to_viewer(process, port)
         try:
             client.open(str(whole.resolve()))
-            wait_until(lambda: is_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
+            poll_until(lambda: has_loaded(client), LOAD_LIMIT, f"{path}: the viewer found no frame in it")
         except ConnectionError:  # without a renderer the viewer may answer once before it ends
             with suppress(subprocess.TimeoutExpired):
                 process.wait(END_LIMIT)
@@ -202,13 +202,13 @@ def connect_to_viewer(process: subprocess.Popen[bytes], port: int) -> "ViewerCli
     raise BadInput(NO_RENDERER)
 
 
-def is_loaded(client: "ViewerClient") -> bool:
+def has_loaded(client: "ViewerClient") -> bool:
     """Whether the whole recording has been loaded."""
     state = client.get_state()
     return not state.loading and any(recording.timelines for recording in state.recordings)
 
 
-def wait_until(condition: Callable[[], bool], limit: float, message: str) -> None:
+def poll_until(condition: Callable[[], bool], limit: float, message: str) -> None:
     """Poll until a condition holds; BadInput with the message after `limit` [s]."""
     deadline = time.monotonic() + limit
     while not condition():

@@ -73,7 +73,7 @@ def revolved_mesh(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats,
     return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32)
 
 
-def section_lines(wall: WallMesh) -> Floats:
+def wall_cut_lines(wall: WallMesh) -> Floats:
     """Cut of a wall by the vertical plane y = 0: line segments (x, z) of both ends, [k, 2, 2] m."""
     import trimesh
 

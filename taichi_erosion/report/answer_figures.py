@@ -22,8 +22,8 @@ from matplotlib.path import Path as Outline
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.part_words import LIKELY, misfit_places, sure_and_group
-from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
+from taichi_erosion.evidence.words.part_words import LIKELY, sure_and_group, worst_places
+from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, in_words, interval
 from taichi_erosion.report.figure_style import (
     AFTER,
     BEFORE,
@@ -38,7 +38,7 @@ from taichi_erosion.report.figure_style import (
     panels,
     responsive_picture,
     set_axis_scale,
-    single_panel,
+    single_panel_figure,
 )
 from taichi_erosion.tables.number_words import heading
 
@@ -54,11 +54,11 @@ LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
 
-def ranked_places(record: Record) -> list[tuple[str, str]]:
+def rank_failing_places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((place for place in record.where if place.axis in conditions), key=lambda place: place.p)
-    fails = misfit_places(record)
+    fails = worst_places(record)
     pairs = []
     for place in ranked:
         if place in fails or place.observable not in {name for name, _ in pairs}:
@@ -74,7 +74,7 @@ def observable_points(record: Record, voc: Vocabulary, observable: str, axis: st
     columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", *MODELS)}
     columns |= {f"gap_{key}": rows.residuals(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
-    table["limit"] = list(map(limit_side, rows.low, rows.high))
+    table["limit"] = list(map(side_of_limit, rows.low, rows.high))
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
     table["x"] = [voc.units.condition(axis, float(each)) for each in x]
     table["text"] = [row_text(record, voc, place) for place in range(len(table))]
@@ -87,7 +87,7 @@ def model_labels(record: Record) -> tuple[str, str, str]:
     return page_words.MEASURED, page_words.BARE, page_words.added_effects_text(record)
 
 
-def limit_side(low: float, high: float) -> str:
+def side_of_limit(low: float, high: float) -> str:
     """On which side of a measured value what was measured lies; empty for an ordinary value."""
     return "below" if low == -np.inf else "above" if high == np.inf else "between" if low < high else ""
 
@@ -97,7 +97,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     rows, units = record.rows, voc.units
     name = rows.observable[place]
     value, low, high = (float(column[place]) for column in (rows.measured, rows.low, rows.high))
-    side = limit_side(low, high)
+    side = side_of_limit(low, high)
     error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
     ends = Interval(value, value - error, value + error)
     value_text = interval(ends, 3, voc.scale(name), units.value_unit(name))
@@ -111,7 +111,7 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     return "\n".join([f"{page_words.MEASURED} {value_text}", *words, *units.conditions_text(at).split(", ")])
 
 
-def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
+def observable_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
     points = observable_points(record, voc, observable, axis)
     labels = {name: label for name, label in zip(MODELS, model_labels(record)[1:], strict=True) if label}
@@ -130,14 +130,14 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         for name, label in labels.items():
             values.plot(x, points[name], "_", ms=9.0, mew=1.8, color=MODELS[name], label=label)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
-        for frame, title in ((values, quantity(observable)), (residuals, page_words.RESIDUAL)):
+        for frame, title in ((values, in_words(observable)), (residuals, page_words.RESIDUAL)):
             set_axis_scale(frame, "x", x)
-            frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
+            frame.set_xlabel(heading(in_words(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
         set_axis_scale(values, "y", plotted)
         return figure
 
-    words = {"observable": quantity(observable), "axis": quantity(axis or "rows")}
+    words = {"observable": in_words(observable), "axis": in_words(axis or "rows")}
     caption = page_words.CAPTIONS["rows"].format(**words)
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive_picture(draw, caption, f"rows{number}", texts)
@@ -163,10 +163,10 @@ def draw_points(frame: Axes, points: pd.DataFrame) -> None:
         frame.plot(x, y, gid=f"rows:measured#{kind}", **style)
 
 
-def label_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
+def labelled_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
     """Frame with a line for every label, the first on top, and their heights."""
     names = [fill(label, int(LETTERS * width)) for label in labels]
-    figure, frame = single_panel(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
+    figure, frame = single_panel_figure(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
     at = np.arange(len(names), dtype=np.float64)[::-1]
     frame.set_yticks(at, names)
     frame.set_ylim(-0.6, len(names) - 0.4)
@@ -184,7 +184,7 @@ def posterior_picture(record: Record) -> Picture:
     bars = list(page_words.explanations_by_probability(record))
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, [label for label, *_ in bars])
+        figure, frame, at = labelled_chart(width, [label for label, *_ in bars])
         colours = [CONTROL if label in EXPLANATIONS.values() else AFTER for label, *_ in bars]
         frame.barh(at, [p for _, p, _ in bars], 0.62, color=colours)
         for y, (_, p, text) in zip(at, bars, strict=True):
@@ -201,7 +201,7 @@ def strength_picture(record: Record) -> Picture:
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, [name for name, _ in parts])
+        figure, frame, at = labelled_chart(width, [name for name, _ in parts])
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for y, (name, part) in zip(at, parts, strict=True):
             if name in acting_names or part.probability > LIKELY:
@@ -266,7 +266,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
         x = np.array([voc.units.condition(axis, dose.conditions[axis]) for dose in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
-            figure, frame = single_panel(width, PANEL[1])
+            figure, frame = single_panel_figure(width, PANEL[1])
             draw_intervals(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
@@ -290,13 +290,13 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     ]
 
     def draw(width: float) -> Figure:
-        figure, frame = single_panel(width, PANEL[1])
+        figure, frame = single_panel_figure(width, PANEL[1])
         draw_intervals(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
-        frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
-        frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
+        frame.set_xlabel(heading(in_words(axis), voc.units.condition_unit(axis)))
+        frame.set_title(heading(f"{change} of the {in_words(name)}", unit), loc="left")
         return figure
 
-    caption = page_words.CAPTIONS["curves"].format(observable=quantity(name), axis=quantity(axis))
+    caption = page_words.CAPTIONS["curves"].format(observable=in_words(name), axis=in_words(axis))
     return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 
@@ -310,7 +310,7 @@ def misfit_picture(record: Record) -> Picture:
         steps[f"control: {vault.wrong_effect}"] = np.nan, vault.chi2_per_row_wrong_effect
 
     def draw(width: float) -> Figure:
-        figure, frame, at = label_chart(width, list(steps))
+        figure, frame, at = labelled_chart(width, list(steps))
         fitted, unseen = np.array(list(steps.values())).T
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for values, face in ((fitted, INK), (unseen, PAPER)):

@@ -19,7 +19,7 @@ from statsmodels.stats.outliers_influence import OLSInfluence
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design import Design, to_natural
 from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.report.figure_style import Floats, page_style, panels, single_panel
+from taichi_erosion.report.figure_style import Floats, page_style, panels, single_panel_figure
 
 Names = Mapping[str, str]
 Record = Mapping[str, Any]
@@ -84,7 +84,7 @@ def response_grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats,
 def perturbation_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
     """Response along each factor."""
     ticks = np.linspace(-1.0, 1.0, TICKS)
-    figure, axes = single_panel(*PANEL)
+    figure, axes = single_panel_figure(*PANEL)
     for k, factor in enumerate(fit.factors):
         points = np.tile(at, (TICKS, 1))
         points[:, k] = ticks
@@ -99,7 +99,7 @@ def perturbation_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure
 @page_style()
 def fit_over_runs_figure(fit: Fit, unit: str) -> Figure:
     """Fitted against simulated values."""
-    figure, axes = single_panel(*PANEL)
+    figure, axes = single_panel_figure(*PANEL)
     ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]
     axes.plot(ends, ends, color=NEUTRAL, lw=1.0)
     axes.plot(fit.values, fit.fitted, "o", color=LINE)
@@ -143,7 +143,7 @@ def residual_figure(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
 def effect_figure(record: Record, factors: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = record["effects"][::-1]
-    figure, axes = single_panel(6.4, 0.32 * len(effects) + 1.0)
+    figure, axes = single_panel_figure(6.4, 0.32 * len(effects) + 1.0)
     colours = [LINE if effect["name"] in factors else PALE for effect in effects]
     axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
     for key, style, label in (("single", "--", "t limit, 95 %"), ("bonferroni", ":", "Bonferroni limit")):
@@ -159,7 +159,7 @@ def effect_figure(record: Record, factors: Sequence[str], unit: str) -> Figure:
 @page_style()
 def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
     """Response along the path of steepest ascent, with the measured value."""
-    figure, axes = single_panel(4.6, 2.8)
+    figure, axes = single_panel_figure(4.6, 2.8)
     draw_measured_band(axes, target)
     steps = np.arange(len(design))
     axes.plot(steps, design.responses[name], "o-", color=LINE)
@@ -177,7 +177,7 @@ def draw_measured_band(axes: Axes, target: Target) -> None:
 @page_style()
 def confirmation_figure(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
     """Confirmation runs at the optimum, with prediction and measurement."""
-    figure, axes = single_panel(3.6, 2.8)
+    figure, axes = single_panel_figure(3.6, 2.8)
     draw_measured_band(axes, target)
     half = 0.5 * (predicted["high"] - predicted["low"])
     axes.errorbar([0.0], [predicted["value"]], yerr=[half], fmt="s", color=PALE, capsize=3)

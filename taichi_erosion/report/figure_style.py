@@ -95,7 +95,7 @@ def figure_with_key(picture: Picture) -> Figure:
 @page_style()
 def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Figure:
     """Figure of a number over the simulated time [s] of a live session."""
-    figure, frame = single_panel(*CURVE)
+    figure, frame = single_panel_figure(*CURVE)
     frame.plot(time, value, lw=1.2)
     frame.set(xlabel="simulated time [s]", ylabel=name)
     return figure
@@ -158,7 +158,7 @@ def panels(
     return figure, [figure.add_subplot(down, across, k + 1, projection=projection) for k in range(count)]
 
 
-def single_panel(width: float, height: float) -> tuple[Figure, Axes]:
+def single_panel_figure(width: float, height: float) -> tuple[Figure, Axes]:
     """Figure of one panel [in]."""
     figure, (frame,) = panels(1, 1, (width, height))
     return figure, frame

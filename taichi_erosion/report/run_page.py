@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.words import run_words
-from taichi_erosion.evidence.words.vocabulary import quantity
+from taichi_erosion.evidence.words.vocabulary import in_words
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive_picture
 from taichi_erosion.report.html import origin_line, picture_address, write_page
 from taichi_erosion.tables.number_words import count_noun, heading
@@ -59,11 +59,11 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "warnings": run_words.run_warnings(document),
         "table": run_words.run_table(document),
         "notes": list(run_words.run_notes(document)),
-        "titles": {name: quantity(name) for name in document["measures"]},
+        "titles": {name: in_words(name) for name in document["measures"]},
         "replicas": document["replicas"],
         "figure_of_measures": measure_picture(document),
         "pictures": list(run_pictures(document, source)),
-        "facts": list(facts_for_repeat(document)),
+        "facts": list(reproduction_facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
 
@@ -92,7 +92,7 @@ def measure_picture(document: Document) -> Picture | None:
                 frame.axhline(datum["value"], color=BEFORE, lw=1.0)
             frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
             frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
-            frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
+            frame.set(title=heading(in_words(name), pooled["unit"]), xlim=(-0.6, 1.6))
             frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
         return figure
 
@@ -113,7 +113,7 @@ def run_pictures(document: Document, source: Path) -> Iterator[Picture]:
             yield Picture(description, picture_address(file))
 
 
-def facts_for_repeat(document: Document) -> Iterator[tuple[str, str]]:
+def reproduction_facts(document: Document) -> Iterator[tuple[str, str]]:
     """Time step, inputs and versions, for a repeat."""
     limits = document.get("limits", {})
     if limits:

@@ -13,7 +13,7 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, answer_file, read_reply
+from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply, with_adoption
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
@@ -77,7 +77,7 @@ def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     notes = [line for each in answers for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
     if {"discover", "adopt"} <= set(records):
-        records["discover"] = after_adoption(records["discover"], records["adopt"])
+        records["discover"] = with_adoption(records["discover"], records["adopt"])
     page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
     stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))  # the adopted one first
@@ -114,10 +114,10 @@ def folder_of(study: Path) -> Path:
     return results_folder(study, read_evidence_study(study))
 
 
-def first_figure(reply: Reply) -> Figure:
+def worst_place_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
-    place = figures.ranked_places(reply.record)[0]
-    return figure_with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
+    place = figures.rank_failing_places(reply.record)[0]
+    return figure_with_key(figures.observable_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
 def answer_page(
@@ -133,8 +133,8 @@ def answer_page(
     leading = records[lead]
     sentences = {name: answer(records[name], voc) for name, answer in ANSWERS.items() if name in records}
     parts = page_words.page_lines(sentences, lead)
-    panels = figures.ranked_places(leading)  # the worst first
-    first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
+    panels = figures.rank_failing_places(leading)  # the worst first
+    first, *others = (figures.observable_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     causes = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]

@@ -13,11 +13,11 @@ from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.preparation import air, limits
-from taichi_erosion.scene.preparation.fill import cubic_lattice, own_diameters, places_per_layer
+from taichi_erosion.scene.preparation.fill import cubic_lattice, placed_diameters, places_per_layer
 from taichi_erosion.scene.preparation.sizes import (
+    bounding_radius_ratio,
     grain_count_of_kinds,
     nominal_diameter,
-    reach_ratio,
     scene_mean_cubed_diameter,
     size_range,
     spheres_of_clump,
@@ -75,11 +75,11 @@ def size_contradictions(scene: Scene) -> Iterator[str]:
 def wind_contradictions(scene: Scene) -> Iterator[str]:
     """Air, lid, exchange interval and sleep suit the grains."""
     if scene.wind is not None:
-        for check in (lid_checks, exchange_interval_problems, sleep_time_problems, air_grid_contradictions):
+        for check in (lid_problems, exchange_interval_problems, sleep_time_problems, air_grid_contradictions):
             yield from check(scene, scene.wind)
 
 
-def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
+def lid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """The lid lies above the bed, and where wind blows above most grains that hop."""
     bed, diameter = air.bed_surface_height(scene, wind), nominal_diameter(scene.grains)
     blows = wind.friction_velocity > 0.0 or any(
@@ -141,7 +141,7 @@ def air_grid_contradictions(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def fill_contradictions(scene: Scene) -> Iterator[str]:
     """Grains start apart and find room."""
-    fill, largest, share = scene.fill, size_range(scene.grains)[1], reach_ratio(scene.grains)
+    fill, largest, share = scene.fill, size_range(scene.grains)[1], bounding_radius_ratio(scene.grains)
     reach, mean = share * largest, min(scene_mean_cubed_diameter(scene) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
         yield from placed_grain_problems(scene, fill)
@@ -153,13 +153,13 @@ def fill_contradictions(scene: Scene) -> Iterator[str]:
     elif not isinstance(fill, Layers | Bed) and (lines := list(start_room_problems(scene, fill, reach))):
         yield from lines
     elif not isinstance(fill, Bed | Pour):
-        yield from net_checks(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
+        yield from net_problems(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
 
 
 def start_room_problems(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
     """Grains of some reach [m] start inside their fill or inlets, and inside tubes and funnels about them."""
     yield from inlet_contradictions(scene, fill) if isinstance(fill, Pour) else ()
-    for path, start, axis, radius, narrowest in discs_of_start(fill):
+    for path, start, axis, radius, narrowest in start_discs(fill):
         if narrowest < reach:
             yield f"{path} = {narrowest:g} m is smaller than a grain's reach of {reach:g} m"
             continue
@@ -174,7 +174,7 @@ def start_room_problems(scene: Scene, fill: Rain | Lattice | Pour, reach: float)
                 yield f"{path} = {radius:g} m: grains would start outside the wall; {reason}"
 
 
-def discs_of_start(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
+def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
     """Discs where grains start: path of the radius, middle [m], axis, radius and least half width [m]."""
     upwards = np.array(UPWARDS)
     if isinstance(fill, Rain):
@@ -201,7 +201,7 @@ def inlet_contradictions(scene: Scene, fill: Pour) -> Iterator[str]:
             yield f"{path}.speed = 0.0 without gravity: poured grains would never fall"
 
 
-def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iterator[str]:
+def net_problems(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iterator[str]:
     """A net has enough places and is wider than the largest grain [m]; of rain, than the mean one."""
     if fill.pitch - 2.0 * fill.jitter < size:
         which = "mean" if isinstance(fill, Rain) else "largest"
@@ -234,7 +234,7 @@ def placed_grain_problems(scene: Scene, fill: Positions) -> Iterator[str]:
         yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {names}"
         return
     centres = np.array([grain.position for grain in fill.grains])
-    radius = reach_ratio(scene.grains) * own_diameters(scene, fill)
+    radius = bounding_radius_ratio(scene.grains) * placed_diameters(scene, fill)
     for i, j in sorted(scipy.spatial.KDTree(centres).query_pairs(2.0 * float(radius.max()))):
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):
@@ -251,7 +251,7 @@ def computed_number_problems(scene: Scene) -> Iterator[str]:
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:
         yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
-    speed = limits.expected_speed(scene)
+    speed = limits.largest_expected_speed(scene)
     for name, radius, mass, young in limits.smallest_grains_of_kinds(scene):
         overlap = limits.impact_overlap(0.5 * mass, 0.5 * radius, young, speed) / radius
         if overlap > scene.run.overlap_limit:
@@ -261,7 +261,7 @@ def computed_number_problems(scene: Scene) -> Iterator[str]:
             )
 
 
-def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
+def air_faults(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene of air alone whose entries are right one by one."""
     yield from observable_problems(scene.measure, observables)
     yield from list(air_box_contradictions(scene.air)) or roughness_and_step_problems(scene)
@@ -275,7 +275,7 @@ def roughness_and_step_problems(scene: AirScene) -> Iterator[str]:
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
             length = side.roughness_length
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
-    step, longest = air.run_time_step(scene), air.longest_step(scene)
+    step, longest = air.run_time_step(scene), air.stable_step(scene)
     if step > longest * (1.0 + 1e-9):
         reason = "lets wind or diffusion cross more than a cell (CFL)"
         yield f"run.time_step = {step:g} s {reason}; at most {longest:.3g} s"

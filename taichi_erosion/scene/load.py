@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
-from taichi_erosion.scene.checks import air_checks, scene_contradictions
+from taichi_erosion.scene.checks import air_faults, scene_contradictions
 from taichi_erosion.scene.paths import set_value_by_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
@@ -103,7 +103,7 @@ def load_air_scene(
 ) -> AirScene:
     """Validated scene of air alone of a TOML file."""
     name = one_line_name(path)
-    return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_checks(scene, observables))
+    return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_faults(scene, observables))
 
 
 def is_air_scene(path: Path) -> bool:
@@ -122,7 +122,7 @@ def read_toml(path: str | Path, kind: FileKind = "scene") -> dict[str, Any]:
     try:
         return deepcopy(dict(parse_toml(read_text_of_file(Path(path), name))))
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{name}: not a TOML file: {error_line(error)}") from None
+        raise BadInput(f"{name}: not a TOML file: {first_error_line(error)}") from None
 
 
 @lru_cache(maxsize=MOST_TREES)
@@ -138,7 +138,7 @@ def read_text_of_file(path: Path, name: str) -> str:
     except FileNotFoundError:
         raise BadInput(f"{name}: no such file") from None
     except (OSError, ValueError) as error:
-        raise BadInput(f"{name}: cannot be read as text: {error_line(error)}") from None
+        raise BadInput(f"{name}: cannot be read as text: {first_error_line(error)}") from None
 
 
 def parse_scene(
@@ -169,7 +169,7 @@ def validate(
     try:
         for override in overrides:
             set_value_by_override(raw, override)
-        raw = tuples_in(raw)
+        raw = lists_to_tuples(raw)
         diameter = nominal_diameter_or_none(raw) if kind is Scene else None
         scene = kind.model_validate(raw, context={DIAMETER: diameter})
         scene._file = name
@@ -181,7 +181,7 @@ def validate(
     except ValidationError as error:
         lines = error_lines(error, raw, diameter)
     except (OverflowError, RecursionError) as error:
-        lines = [f"cannot be used: {error_line(error)}"]
+        lines = [f"cannot be used: {first_error_line(error)}"]
     raise BadInput(*fault_lines(name, lines)) from None
 
 
@@ -270,12 +270,12 @@ def nominal_diameter_or_none(table: Mapping[str, Any]) -> float | None:
         return None
 
 
-def tuples_in(value: Any) -> Any:
+def lists_to_tuples(value: Any) -> Any:
     """The same tree with tuples for lists, as frozen records hold them."""
     if isinstance(value, dict):
-        return {key: tuples_in(entry) for key, entry in value.items()}
+        return {key: lists_to_tuples(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return tuple(tuples_in(entry) for entry in value)
+        return tuple(lists_to_tuples(entry) for entry in value)
     return value
 
 
@@ -284,7 +284,7 @@ def fault_lines(name: str, lines: Sequence[str]) -> list[str]:
     return [f"{name}: {line}" for line in lines]
 
 
-def error_line(error: Exception) -> str:
+def first_error_line(error: Exception) -> str:
     """First line of an exception's message."""
     lines = str(error).splitlines()
     return lines[0] if lines else type(error).__name__

@@ -43,12 +43,12 @@ def write_schema(path: str | Path) -> None:
     Path(path).write_text(schema_text(), encoding="utf-8")
 
 
-def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+def leaf_entries(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted paths and values of all entries below a table."""
     for key, value in table.items():
         path = f"{above}.{key}" if above else key
         if isinstance(value, dict):
-            yield from leaves(value, path)
+            yield from leaf_entries(value, path)
         else:
             yield path, value
 
@@ -67,7 +67,7 @@ def describe_entry_at_path(path: str) -> str:
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
     meanings = [o["description"] for o in options(schema, node.get("items", node)) if "description" in o]
     nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a part"
-    return "\n".join([f"{path}: {describe_entry(node, nameless)}", *lines_below(schema, node)])
+    return "\n".join([f"{path}: {describe_entry(node, nameless)}", *entry_lines(schema, node)])
 
 
 def describe_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
@@ -81,19 +81,19 @@ def describe_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
     return " ".join(filter(None, [entry.get("description", nameless), *bounds])).replace(" ;", ";")
 
 
-def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
+def entry_lines(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
     """One line for every entry of a section; what chooses among its forms stands before each form.
 
     Lengths and times in nominal diameters (`NAME_d`) are left out: each has its twin in metres or seconds.
     """
     for option in options(schema, node):
-        if isinstance(option.get("items"), dict) and (entries := list(lines_below(schema, option["items"]))):
+        if isinstance(option.get("items"), dict) and (entries := list(entry_lines(schema, option["items"]))):
             yield "  a list, each entry a section with"
             yield from (f"  {line}" for line in entries)
         within = option.get("properties", {})
         if (has_names := schema_of_user_named_sections(option)) is not None:
             yield "  names of your own, each a section with"
-            yield from (f"  {line}" for line in lines_below(schema, has_names))
+            yield from (f"  {line}" for line in entry_lines(schema, has_names))
         for name, entry in sorted(within.items(), key=lambda item: "const" not in item[1]):
             if "const" in entry:
                 yield f'  {name} = "{entry["const"]}", with'

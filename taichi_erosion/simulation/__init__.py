@@ -1,6 +1,6 @@
 """The coupled step and how it is assembled."""
 
-from taichi_erosion.simulation.advance import advance, failure, replica_statuses
+from taichi_erosion.simulation.advance import advance, failure_of, replica_statuses
 from taichi_erosion.simulation.assemble import Simulation, assemble, reuse_or_assemble
 from taichi_erosion.simulation.contact_network import contact_network
 from taichi_erosion.simulation.control import (
@@ -12,7 +12,7 @@ from taichi_erosion.simulation.control import (
 )
 from taichi_erosion.simulation.readback import (
     count_waiting_spheres,
-    energies,
+    energy_sums,
     energy_totals,
     removed_spheres,
     share_of_grains_in_contact,
@@ -21,9 +21,4 @@ from taichi_erosion.simulation.readback import (
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
 from taichi_erosion.simulation.scene_setup import device_effects, effective_scene, prepare
-from taichi_erosion.simulation.wind_driver import (
-    air_profile,
-    friction_velocity,
-    set_through_flow,
-    spin_up_wind,
-)
+from taichi_erosion.simulation.wind_driver import air_profile, friction_velocity, set_upflow, spin_up_wind

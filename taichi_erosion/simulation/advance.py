@@ -14,7 +14,7 @@ from taichi_erosion.simulation.grain_decomposition.step import run_steps
 from taichi_erosion.simulation.saved_state import export_state, import_state
 from taichi_erosion.simulation.schedule import assign_steps_to_workers, upload_schedule
 from taichi_erosion.simulation.step import run_replicas_in_teams, run_scheduled_replicas
-from taichi_erosion.simulation.team import adapt_size, note_launch, spins_most, team_size
+from taichi_erosion.simulation.team import adapt_team_size, most_barrier_spins, record_launch, team_size
 from taichi_erosion.simulation.wind_driver import exchange_air_if_due
 
 LAUNCH_SECONDS = 0.4  # Ctrl-C acts between launches
@@ -70,7 +70,7 @@ def steps_of_one_launch(sim: Simulation) -> int:
 def run_one_launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
     """Run once; returns the status of each replica, and the steps that it did not do."""
     replicas, count = sim.world.replicas, len(steps)
-    upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
+    upload([(replicas.steps_left, steps), (replicas.spins_most, [most_barrier_spins(sim.pace)] * count)])
     start, processor_time = time.perf_counter(), time.process_time()
     size = team_size(sim.team, largest_team(sim))
     if sim.buffers is not None:
@@ -110,8 +110,8 @@ def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: flo
     most, count = largest_team(sim), len(sim.setups)
     if most > 1 and sim.team.adapts:
         late = bool(download([sim.world.replicas.late], 0, count)[0].any())
-        note_launch(sim.team, count, size, wall, processor_time)
-        adapt_size(sim.team, count, size, most, late)
+        record_launch(sim.team, count, size, wall, processor_time)
+        adapt_team_size(sim.team, count, size, most, late)
 
 
 def replica_statuses(sim: Simulation) -> Integers:
@@ -127,7 +127,7 @@ def double_list_capacity(sim: Simulation) -> None:
     import_state(sim, state)
 
 
-def failure(sim: Simulation, replica: int) -> Failure | None:
+def failure_of(sim: Simulation, replica: int) -> Failure | None:
     """Why a replica stopped; None while it runs."""
     status = Status(int(replica_statuses(sim)[replica]))
     if status == Status.RUNNING:

@@ -34,8 +34,8 @@ from taichi_erosion.grains.wall_contacts import allocate_wall_list
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.simulation.capacities import (
     Capacities,
-    any_grid,
-    any_servo,
+    has_grid,
+    has_servo,
     initial_capacities,
     pad_setups_with_copies,
     partitions_of_replica,
@@ -145,7 +145,7 @@ def contact_gap_reach_of_setup(setup: Setup, laws: ContactLaws) -> tuple[float, 
     Walls double the effective radius.
     """
     table, largest = setup.contacts, float(setup.grains.radius.max())
-    reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
+    reach = laws.adhesion_gap(np.pi * table.surface_energy, table.young_effective, largest)
     law_reach = reach if np.isfinite(reach) else 0.0
     longest, free = longest_effect_reaches(setup.effects)
     return max(law_reach, longest), max(law_reach, longest) - max(law_reach, free)
@@ -176,7 +176,7 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     refuse_mixed_setups(setup_list)
     capacities = initial_capacities(setup_list, numerics.by_grain)
     if numerics.by_grain:
-        refuse_thread_per_grain(any_grid(setup_list), any_servo(setup_list))
+        refuse_thread_per_grain(has_grid(setup_list), has_servo(setup_list))
         refuse_too_many_entries(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"

@@ -96,7 +96,7 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
         motion_rows=max(sum(map(len, s.tables)) for s in setups),
-        servos=max(partitions_of_replica(s) for s in setups) if any_servo(setups) else 0,
+        servos=max(partitions_of_replica(s) for s in setups) if has_servo(setups) else 0,
     )
 
 
@@ -135,12 +135,12 @@ def verlet_skin(setup: Setup, by_grain: bool = False) -> VerletSkin:
     return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
 
 
-def any_grid(setups: Sequence[Setup]) -> bool:
+def has_grid(setups: Sequence[Setup]) -> bool:
     """Whether any replica has air in more than one column of cells."""
     return any(setup.air is not None and setup.air.cells[:2] != (1, 1) for setup in setups)
 
 
-def any_servo(setups: Sequence[Setup]) -> bool:
+def has_servo(setups: Sequence[Setup]) -> bool:
     """Whether a wall of any replica may have a servo."""
     return any(setup.has_servos for setup in setups)
 

@@ -11,10 +11,10 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.neighbour_list import ROW_SHIFT, entry_count
 from taichi_erosion.grains.pair_contacts import (
-    detect_pair,
     do_pair_effects_act,
-    evaluate_pair,
+    evaluate_pair_law,
     load_pair_to_lane,
+    load_pair_within_reach,
     pair_effect_force,
 )
 from taichi_erosion.grains.simd_batch import lane, load_entry_to_lane, load_materials_row
@@ -48,9 +48,9 @@ def force_of_pair_entry(world_out: ti.template(), batch_out: ti.template(), r, b
     tangential = pairs.tangential_displacement[e]
     rolling = pairs.rolling_displacement[e]
     force = ti.Vector.zero(float, 3)
-    if detect_pair(world_out, batch_out, 0, r, e, base) == 1:
+    if load_pair_within_reach(world_out, batch_out, 0, r, e, base) == 1:
         load_pair_to_lane(world_out, batch_out, 0, base, -1)
-        evaluate_pair(world_out.laws, batch_out, 0, world_out.replicas.time_step[r])
+        evaluate_pair_law(world_out.laws, batch_out, 0, world_out.replicas.time_step[r])
         if batch_out.acts[0] == 1:
             force = lane(batch_out.force, 0)
         if ti.static(world_out.pair_effects.any):

@@ -38,7 +38,7 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     has_moved = moves or download([walls.has_moved], place, 1)[0][0] > 0.0
     setup, surface = sim.setups[replica], place % sim.capacities.surfaces
     steady = [replace(motion, velocity=row[1:4], spin=row[4:7]) for row in motion.table] or [motion]
-    sweep = max(bound_of_wall_speed(setup, surface, each) for each in steady)
+    sweep = max(wall_speed_bound(setup, surface, each) for each in steady)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
     words = [(walls.moving, [float(moves)]), (walls.has_moved, [float(has_moved)]), (walls.sweep, [sweep])]
     upload([*words, *vectors, *wall_drive_fields(sim, replica, surface, motion)], place)
@@ -58,22 +58,22 @@ def wall_drive_fields(
     if servo is None:
         return [*columns, (walls.servo, [NO_SERVO])]
     turning = replace(motion, velocity=(0.0, 0.0, 0.0), spin=servo.axis)
-    reach = bound_of_wall_speed(setup, surface, turning) if servo.is_torque else 1.0
+    reach = wall_speed_bound(setup, surface, turning) if servo.is_torque else 1.0
     numbers = {"target": servo.target, "axis": servo.axis, "fastest": servo.fastest, "servo_reach": reach}
     columns += [(getattr(walls, name), [value]) for name, value in numbers.items()]
     return [*columns, (walls.servo, [TORQUE if servo.is_torque else FORCE])]
 
 
-def bound_of_wall_speed(setup: Setup, surface: int, motion: Motion) -> float:
+def wall_speed_bound(setup: Setup, surface: int, motion: Motion) -> float:
     """Bound on the speed at which the shape of a surface moves through space [m s-1]."""
     spin = np.linalg.norm(motion.spin)
     table = setup.primitives
     rows = zip(table.kind[table.surface == surface], table.shape[table.surface == surface], strict=True)
-    extent = max((0.0 if spin == 0.0 else spin_reach(k, row, motion) for k, row in rows), default=0.0)
+    extent = max((0.0 if spin == 0.0 else spin_axis_distance(k, row, motion) for k, row in rows), default=0.0)
     return float(np.linalg.norm(motion.velocity) + spin * extent)
 
 
-def spin_reach(kind: int, row: Floats, motion: Motion) -> float:
+def spin_axis_distance(kind: int, row: Floats, motion: Motion) -> float:
     """Largest distance of a turning primitive from the spin axis [m]; 0 where turning leaves its shape."""
     axis = np.asarray(motion.spin) / np.linalg.norm(motion.spin)
     centre = np.asarray(motion.centre)

@@ -243,7 +243,7 @@ def count_waiting_spheres(sim: Simulation, replica: int) -> int:
     return len(sim.setups[replica].grains.radius) - released - removed_spheres(sim)[replica]
 
 
-def energies(sim: Simulation) -> Floats:
+def energy_sums(sim: Simulation) -> Floats:
     """Sums of `sum_chunks` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
     return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 

@@ -16,7 +16,7 @@ from taichi_erosion.scene.preparation.sizes import nominal_diameter
 Library = Mapping[str, Effect]
 
 
-def circumstances_of(after: Scene) -> dict[str, float]:
+def effect_conditions(after: Scene) -> dict[str, float]:
     """Conditions for effects on the device and instruments: those stated, and what the scene adds to them.
 
     The scene is that after the effects that change it.
@@ -39,13 +39,13 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
         effect = library[name]
         params, strength = effect_params(scene, effect)
         if effect.place == "scene" and strength > 0.0:
-            changed = changed_by(effect, params, strength, conditions, changed)
+            changed = scene_changed_by(effect, params, strength, conditions, changed)
     if changed is scene:
         return scene
     return parse_scene(resolve(changed), f"{scene.file} with its effects", scene.folder)
 
 
-def changed_by(
+def scene_changed_by(
     effect: Effect, params: object, strength: float, conditions: Conditions, scene: Scene
 ) -> Scene:
     """The scene after one effect. Raises BadInput where the effect refuses it."""
@@ -73,7 +73,7 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
 
     The scene is that after the effects that change it.
     """
-    effects, circumstances = [], circumstances_of(after)
+    effects, circumstances = [], effect_conditions(after)
     for name in sorted(after.effects):
         effect = library[name]
         params, strength = effect_params(after, effect)
@@ -94,16 +94,14 @@ def can_effect_act_in_scene(scene: Scene, effect: Effect) -> bool:
 def does_effect_change_scene(scene: Scene, effect: Effect) -> bool:
     """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
     params, strength = effect_params(scene, effect)
-    circumstances = circumstances_of(scene)
+    given = effect_conditions(scene)
     if effect.place == "scene":
-        return changed_by(effect, params, strength, scene.conditions.values_in_si(), scene) != scene
+        return scene_changed_by(effect, params, strength, scene.conditions.values_in_si(), scene) != scene
     if effect.place == "instrument":
-        return any(effect.act(params, strength, circumstances, name, 1.0) != 1.0 for name in scene.measure)
+        return any(effect.act(params, strength, given, name, 1.0) != 1.0 for name in scene.measure)
     assert effect.constants is not None
     blows = scene.wind is not None or not effect.through_air
-    return blows and effect.constants(params, strength, circumstances) != effect.constants(
-        params, 0.0, circumstances
-    )
+    return blows and effect.constants(params, strength, given) != effect.constants(params, 0.0, given)
 
 
 def effect_params(scene: Scene, effect: Effect) -> tuple[object, float]:

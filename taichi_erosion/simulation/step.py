@@ -7,11 +7,11 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.exchange import exchange_momentum
 from taichi_erosion.grains.cells import GONE, fit_grid_to_grains, sort_grains_by_cell, wrap, wrapped_position
 from taichi_erosion.grains.clumps import NOWHERE, advance_clumps, record_sphere_places
-from taichi_erosion.grains.integrate import add_other_partitions, advance_grains, publish_need
+from taichi_erosion.grains.integrate import add_partition_buffers, advance_grains, publish_next_action
 from taichi_erosion.grains.neighbour_list import count_wide_grains
 from taichi_erosion.grains.neighbour_search import copy_grains_in_order, list_partition_pairs, release_grains
 from taichi_erosion.grains.pair_contacts import add_pair_forces
-from taichi_erosion.grains.partition import balance_partitions, barrier, owns_partition, step_barrier
+from taichi_erosion.grains.partition import balance_partitions, owns_partition, wait_at_barrier, wait_in_step
 from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP, side_start
 from taichi_erosion.grains.wall_contacts import add_wall_forces, list_walls_of_partition
 from taichi_erosion.grains.walls import move_walls
@@ -70,7 +70,7 @@ def mark_removal(world_out: ti.template(), r, rank, fault):
 
 
 @ti.func
-def count_out(replicas_out: ti.template(), r, number):
+def count_removed(replicas_out: ti.template(), r, number):
     """Count so many grains as taken out of replica r, which are those of the last ranks."""
     released = replicas_out.released[r] - number
     replicas_out.released[r] = released
@@ -96,7 +96,7 @@ def prepare_rebuild(world_out: ti.template(), r):
         if ti.static(not world_out.has_external_forces):
             fit_grid_to_grains(world_out.cells, world_out.grains, world_out.replicas, r)
         sort_grains_by_cell(world_out.cells, world_out.grains, world_out.replicas, r)
-        count_out(world_out.replicas, r, world_out.replicas.leaving[r])
+        count_removed(world_out.replicas, r, world_out.replicas.leaving[r])
         balance_partitions(world_out, r)
 
 
@@ -117,7 +117,7 @@ def swap_sides(replicas_out: ti.template(), r):
         short += replicas_out.short[r, p] + replicas_out.wall_short[r, p]
     if short > 0:
         replicas_out.status[r] = OVERFLOW
-        count_out(replicas_out, r, -replicas_out.leaving[r])
+        count_removed(replicas_out, r, -replicas_out.leaving[r])
     else:
         replicas_out.side[r] = 1 - replicas_out.side[r]
         replicas_out.rebuilds[r] = replicas_out.rebuilds[r] + 1
@@ -151,18 +151,18 @@ def apply_to_own_partitions(task: ti.template(), world_out: ti.template(), r, me
 def sort_and_rebuild_lists(world_out: ti.template(), r, member, size, phase):
     """Sort the grains and rebuild all lists; returns the next barrier."""
     # no worker may change what another still reads to decide on this rebuild
-    phase = barrier(world_out.replicas, r, size, phase)
+    phase = wait_at_barrier(world_out.replicas, r, size, phase)
     if member == 0:
         prepare_rebuild(world_out, r)
-    phase = barrier(world_out.replicas, r, size, phase)
+    phase = wait_at_barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
         apply_to_own_partitions(copy_grains_in_order, world_out, r, member, size)
-        phase = barrier(world_out.replicas, r, size, phase)
+        phase = wait_at_barrier(world_out.replicas, r, size, phase)
         apply_to_own_partitions(list_neighbours_of_partition, world_out, r, member, size)
-        phase = barrier(world_out.replicas, r, size, phase)
+        phase = wait_at_barrier(world_out.replicas, r, size, phase)
         if member == 0:
             finish_rebuild(world_out, r)
-        phase = barrier(world_out.replicas, r, size, phase)
+        phase = wait_at_barrier(world_out.replicas, r, size, phase)
     return phase
 
 
@@ -191,9 +191,9 @@ def integrate_partitions(world_out: ti.template(), r, member, size, step, is_las
             if ti.static(world_out.has_clumps):
                 need = advance_clumps(world_out, r, p, step)
             else:
-                add_other_partitions(world_out, r, p)
+                add_partition_buffers(world_out, r, p)
                 need = advance_grains(world_out, r, p, step, is_last)
-            publish_need(world_out.replicas, r, p, need)
+            publish_next_action(world_out.replicas, r, p, need)
 
 
 @ti.func
@@ -214,11 +214,11 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
     apply_to_own_partitions(add_partition_forces, world_out, r, member, size)
-    phase = step_barrier(replicas_out, r, size, phase)
+    phase = wait_in_step(replicas_out, r, size, phase)
     integrate_partitions(world_out, r, member, size, step, is_last)
     if member == 0:
         advance_clock_and_walls(world_out, r)
-    return step_barrier(replicas_out, r, size, phase)
+    return wait_in_step(replicas_out, r, size, phase)
 
 
 @ti.func

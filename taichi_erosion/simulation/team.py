@@ -46,13 +46,13 @@ def team_size(team: Team, most: int) -> int:
     return max(most - team.absent, 1)
 
 
-def spins_most(pace: float) -> int:
+def most_barrier_spins(pace: float) -> int:
     """Spins at a barrier of a step after which a partner counts as late, at `pace` steps a second."""
     half_step = 0.5 / (pace * SPIN_SECONDS) if pace > 0.0 else 0.0
     return int(min(max(SPINS, half_step), 2**30))
 
 
-def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: float) -> None:
+def record_launch(team: Team, teams: int, size: int, wall: float, processor_time: float) -> None:
     """Add a launch of so many teams of `size` workers, its time and processor time [s]."""
     team.worker_seconds += wall * size * teams
     team.seconds += wall
@@ -60,7 +60,7 @@ def note_launch(team: Team, teams: int, size: int, wall: float, processor_time: 
     team.processor_time += processor_time
 
 
-def adapt_size(team: Team, teams: int, size: int, most: int, late: bool) -> None:
+def adapt_team_size(team: Team, teams: int, size: int, most: int, late: bool) -> None:
     """Leave a worker out of every team, or take some back, by what the last launches got of the cores."""
     now = time.perf_counter()
     team.absent = min(team.absent, most - 1)

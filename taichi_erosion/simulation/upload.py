@@ -16,7 +16,7 @@ from taichi_erosion.simulation.capacities import cells_for_grains, verlet_skin
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
 
-def pad(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
+def join_padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
     """Arrays of all replicas, joined, each padded to `rows`; a replica may have none."""
     inner = np.asarray(max(columns, key=len)).shape[1:]
     stacked = np.full((len(columns), rows, *inner), filling)
@@ -27,7 +27,7 @@ def pad(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
 
 
 def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
-    """Everything that the setups state; `reaches` [n, 2] as `gap_reach` gives them."""
+    """Everything that the setups state; `reaches` [n, 2] as `adhesion_gap` gives them."""
     upload_grain_tables(world, setups)
     upload_replicas(world, setups, reaches, partitions)
     upload_cell_grids(world, setups, reaches)
@@ -58,11 +58,11 @@ def upload_grain_tables(world: World, setups: list[Setup]) -> None:
     grains = [s.grains for s in setups]
     bodies = [np.arange(len(s.grains.radius)) if s.clumps is None else s.clumps.body for s in setups]
     names = ("position", "velocity", "spin", "radius", "material")
-    columns = [(getattr(source, name), pad([getattr(g, name) for g in grains], rows)) for name in names]
-    columns.append((source.mass_inverse, pad([1.0 / g.mass for g in grains], rows)))
+    columns = [(getattr(source, n), join_padded([getattr(g, n) for g in grains], rows)) for n in names]
+    columns.append((source.mass_inverse, join_padded([1.0 / g.mass for g in grains], rows)))
     steps = [np.ceil(s.grains.release_time / s.time_step - 1e-9).clip(0) for s in setups]
-    columns.append((source.release_step, pad(steps, rows)))
-    columns.append((source.body, pad(bodies, rows)))
+    columns.append((source.release_step, join_padded(steps, rows)))
+    columns.append((source.body, join_padded(bodies, rows)))
     upload(columns)
 
 
@@ -110,28 +110,31 @@ def upload_wall_primitives(walls: Walls, setups: list[Setup]) -> None:
     tables = [s.primitives for s in setups]
     if not any(len(table.kind) for table in tables):
         return
-    shapes = pad([t.shape for t in tables], walls.primitives)
-    kinds = pad([t.kind for t in tables], walls.primitives)
+    shapes = join_padded([t.shape for t in tables], walls.primitives)
+    kinds = join_padded([t.kind for t in tables], walls.primitives)
     balls = [[bounding_ball(k, row) for k, row in zip(t.kind, t.shape, strict=True)] for t in tables]
     upload(
         [
             (walls.kind, kinds),
-            (walls.surface, pad([t.surface for t in tables], walls.primitives)),
+            (walls.surface, join_padded([t.surface for t in tables], walls.primitives)),
             (walls.corner, shapes[..., 0:3]),
             (walls.second, shapes[..., 3:6]),
             (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
             (walls.profile, shapes[..., 6:10]),
-            (walls.ball_centre, pad([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
-            (walls.ball_radius, pad([[b[1] for b in ball] for ball in balls], walls.primitives)),
+            (
+                walls.ball_centre,
+                join_padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE),
+            ),
+            (walls.ball_radius, join_padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
         ]
     )
     if walls.rows:
         rows = [[row for table in s.tables for row in table] for s in setups]
-        upload([(walls.table, pad([np.reshape(each, (-1, 7)) for each in rows], walls.rows))])
-    present = pad([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
+        upload([(walls.table, join_padded([np.reshape(each, (-1, 7)) for each in rows], walls.rows))])
+    present = join_padded([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
     upload(
         [
-            (walls.material, pad([[f.material for f in s.surfaces] for s in setups], walls.surfaces)),
+            (walls.material, join_padded([[f.material for f in s.surfaces] for s in setups], walls.surfaces)),
             (walls.present, present),
             (walls.turn, np.broadcast_to(np.eye(3), (*present.shape, 3, 3))),
         ]
@@ -159,17 +162,17 @@ def upload_clump_bodies(world: World, setups: list[Setup]) -> None:
     motions = [body_motion(s.grains, t, f) for s, t, f in zip(setups, tables, firsts, strict=True)]
     upload(
         [
-            (clumps.first, pad(firsts, bodies)),
-            (clumps.number, pad([np.bincount(t.body) for t in tables], bodies)),
-            (clumps.position, pad([t.position for t in tables], bodies)),
-            (clumps.orientation, pad([t.orientation for t in tables], bodies)),
-            (clumps.mass_inverse, pad([1.0 / t.mass for t in tables], bodies)),
-            (clumps.inertia_inverse, pad([1.0 / t.inertia for t in tables], bodies)),
-            (clumps.velocity, pad([velocity for velocity, _ in motions], bodies)),
-            (clumps.momentum, pad([momentum for _, momentum in motions], bodies)),
+            (clumps.first, join_padded(firsts, bodies)),
+            (clumps.number, join_padded([np.bincount(t.body) for t in tables], bodies)),
+            (clumps.position, join_padded([t.position for t in tables], bodies)),
+            (clumps.orientation, join_padded([t.orientation for t in tables], bodies)),
+            (clumps.mass_inverse, join_padded([1.0 / t.mass for t in tables], bodies)),
+            (clumps.inertia_inverse, join_padded([1.0 / t.inertia for t in tables], bodies)),
+            (clumps.velocity, join_padded([velocity for velocity, _ in motions], bodies)),
+            (clumps.momentum, join_padded([momentum for _, momentum in motions], bodies)),
         ]
     )
-    upload([(clumps.offset, pad([t.offset for t in tables], rows))])
+    upload([(clumps.offset, join_padded([t.offset for t in tables], rows))])
 
 
 def body_motion(grains: GrainTable, table: ClumpTable, firsts: Integers) -> tuple[Floats, Floats]:

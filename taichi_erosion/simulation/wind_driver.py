@@ -7,12 +7,12 @@ import numpy as np
 
 from taichi_erosion.air.grid import Air
 from taichi_erosion.air.readback import set_velocities
-from taichi_erosion.air.step import advance_active
+from taichi_erosion.air.step import advance_active_replicas
 from taichi_erosion.core.air_setup import AirSetup, initial_wind, stress_gradient
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, download_field, upload, write_field
-from taichi_erosion.coupling.exchange import spin_up
+from taichi_erosion.coupling.exchange import spin_up_column
 from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
 from taichi_erosion.simulation.assemble import Simulation
 
@@ -79,7 +79,7 @@ def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> 
     time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / friction_velocity
     count = len(sim.setups)
     for _ in range(ceil(time / setup.time_step)):
-        advance_active(air, count, sim.chunk)
+        advance_active_replicas(air, count, sim.chunk)
         match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 
@@ -107,13 +107,13 @@ def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False
     before = friction_velocity(sim, replica)
     set_bed_friction_velocity(sim, replica, value)
     if air_on_device(sim, replica)[0].is_column:
-        spin_up(sim.world, sim.coupling, replica, anew)
+        spin_up_column(sim.world, sim.coupling, replica, anew)
     else:
         part = sim.setups[replica].coupling.partition
         change_grid_wind(sim, replica, part * before, part * value, anew)
 
 
-def set_through_flow(sim: Simulation, replica: int, value: float) -> None:
+def set_upflow(sim: Simulation, replica: int, value: float) -> None:
     """Change the superficial velocity of the air that rises through a bed [m s-1]."""
     upload([(sim.coupling.exchange.through_flow, [value])], replica)
 
@@ -122,19 +122,19 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
     """The air of one replica, layer by layer; of a grid the means over its columns."""
     air, setup = air_on_device(sim, replica)
 
-    def inner(field: Any) -> Floats:
+    def inside(field: Any) -> Floats:
         return download_field(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
 
-    velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
+    velocity = np.stack([inside(air.velocity_x), inside(air.velocity_y)], axis=1)
     if air.is_column:
-        drag = inner(air.exchange_force)[:, :2] - inner(air.exchange_coefficient)[:, None] * velocity
+        drag = inside(air.exchange_force)[:, :2] - inside(air.exchange_coefficient)[:, None] * velocity
     else:
-        drag = inner(air.impulse)[:, :2] / setup.time_step
+        drag = inside(air.impulse)[:, :2] / setup.time_step
     return AirProfile(
         face=np.asarray(setup.faces_z),
         velocity=velocity,
-        void_fraction=inner(air.void_fraction),
-        eddy_viscosity=inner(air.eddy_face),
+        void_fraction=inside(air.void_fraction),
+        eddy_viscosity=inside(air.eddy_face),
         drag=drag,
         lift=download_field(sim.coupling.exchange.pressure_lift)[replica],
     )

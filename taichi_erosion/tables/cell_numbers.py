@@ -13,7 +13,7 @@ from math import inf, isfinite, isnan, nan
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
-from taichi_erosion.tables.headings import plain_words, unit_in, vocabulary
+from taichi_erosion.tables.headings import known_words, plain_words, unit_in
 
 GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
 NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
@@ -61,7 +61,7 @@ def plain_cell(text: str) -> str:
 def cell_word(cell: str) -> str:
     """What the words of a cell say, `missing`, `unseen` or `no_transport`; empty for other words."""
     plain = plain_words(cell)
-    return next((meaning for meaning, words in vocabulary()["cells"].items() if plain in words), "")
+    return next((meaning for meaning, words in known_words()["cells"].items() if plain in words), "")
 
 
 def is_missing(cell: str) -> bool:

@@ -164,7 +164,7 @@ def add_number_law(heading: Heading) -> Heading:
     """The heading with the law by which its numbers are turned into those of what it means."""
     role, place = meaning_of(heading.name)
     for law, (places, units, unit) in LAWS.items():
-        named = heading.unit == law or has_word(heading.name, vocabulary()["laws"][law])
+        named = heading.unit == law or has_word(heading.name, known_words()["laws"][law])
         if named and place in places and heading.unit in units and role in KINDS.values():
             return replace(heading, unit=unit or heading.unit, law=law)
     return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
@@ -191,7 +191,7 @@ def unit_in(text: str) -> str | None:
     plain = text.strip(" '\"").removeprefix("in ").strip().translate(UNIT_SPELLINGS)
     if not plain:
         return None
-    if spelt := next((unit for unit, words in vocabulary()["units"].items() if plain in words), ""):
+    if spelt := next((unit for unit, words in known_words()["units"].items() if plain in words), ""):
         return spelt
     try:
         scale = parse_scale(plain)
@@ -203,11 +203,11 @@ def unit_in(text: str) -> str | None:
 @cache
 def words_of(kind: str) -> frozenset[str]:
     """All words of a kind."""
-    return frozenset(word for words in vocabulary()[kind].values() for word in words)
+    return frozenset(word for words in known_words()[kind].values() for word in words)
 
 
 @cache
-def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
+def known_words() -> dict[str, dict[str, tuple[str, ...]]]:
     """Known words by kind and meaning, plain but for those of units."""
     text = (files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8")
     return {
@@ -253,12 +253,12 @@ def has_word(heading: str, words: Iterable[str]) -> bool:
 
 
 @cache
-def best_word(heading: str, *kinds: str) -> tuple[int, str, str]:
+def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
     """Length of the longest known word of some kinds in a heading, its kind, and its meaning."""
     plain = plain_words(heading)
     best = (0, "", "")
     for kind in kinds:
-        for name, words in vocabulary()[kind].items():
+        for name, words in known_words()[kind].items():
             length = max(word_length(word, plain) for word in words)
             if kind in KINDS and heading.strip() == name.rpartition(".")[2]:
                 length = len(heading) + 1
@@ -275,17 +275,17 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     thing that has the same quantity makes it another one: `funnel diameter`.
     """
     plain = plain_words(heading)
-    whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
+    whole = next((role for role, words in known_words()["whole"].items() if plain in words), None)
     if whole is not None:
         return whole, ""  # pyright: ignore[reportReturnType]
-    length, kind, meaning = best_word(heading, *KINDS)
+    length, kind, meaning = longest_word(heading, *KINDS)
     scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
     if scatter is not None and words_beside_quantity(heading):
         if kind == "conditions":
             return ("condition_sd", meaning) if scatter == "sd" else ("remark", "")
         return scatter, ""
-    other, _, role = best_word(heading, "roles")
-    if best_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
+    other, _, role = longest_word(heading, "roles")
+    if longest_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
         return "unknown", ""
     if other and (not length or (role in SCATTER and other > length)):
         return role, ""  # pyright: ignore[reportReturnType]
@@ -294,8 +294,8 @@ def meaning_of(heading: str) -> tuple[Role, str]:
 
 def words_beside_quantity(heading: str) -> str:
     """Words of a heading beside those of the quantity that it means."""
-    plain, (_, kind, meaning) = plain_words(heading), best_word(heading, *KINDS)
-    words = (*vocabulary()[kind][meaning], plain_words(meaning.rpartition(".")[2])) if kind else ()
+    plain, (_, kind, meaning) = plain_words(heading), longest_word(heading, *KINDS)
+    words = (*known_words()[kind][meaning], plain_words(meaning.rpartition(".")[2])) if kind else ()
     for word in sorted((word for word in words if word in plain), key=len, reverse=True):
         plain = re.sub(word_pattern(word), " ", plain)
     return " ".join(plain.split())
@@ -303,17 +303,17 @@ def words_beside_quantity(heading: str) -> str:
 
 def names_another_thing(heading: str) -> bool:
     """Whether a heading names a thing that has the quantity too: the diameter of a funnel."""
-    things = vocabulary()["things"].get(best_word(heading, *KINDS)[2], ())
+    things = known_words()["things"].get(longest_word(heading, *KINDS)[2], ())
     return has_word(words_beside_quantity(heading), things)
 
 
-def qualifiers(heading: Heading) -> tuple[str, str]:
+def qualifying_words(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
-    remainder, meaning = words_beside_quantity(heading.name), best_word(heading.name, *KINDS)[2]
-    for word in (*vocabulary()["laws"].get(heading.law, ()), *vocabulary()["again"].get(meaning, ())):
+    remainder, meaning = words_beside_quantity(heading.name), longest_word(heading.name, *KINDS)[2]
+    for word in (*known_words()["laws"].get(heading.law, ()), *known_words()["again"].get(meaning, ())):
         remainder = re.sub(word_pattern(word), " ", remainder)
-    scopes = [words for scope, words in vocabulary()["changes"].items() if scope in (meaning, "everywhere")]
-    scopes += [vocabulary()["laws"][law] for law, (places, *_) in LAWS.items() if meaning in places]
+    scopes = [words for scope, words in known_words()["changes"].items() if scope in (meaning, "everywhere")]
+    scopes += [known_words()["laws"][law] for law, (places, *_) in LAWS.items() if meaning in places]
     changed = [word for words in scopes for word in words if word_length(word, remainder)]
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
     if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:
@@ -325,9 +325,9 @@ def qualifiers(heading: Heading) -> tuple[str, str]:
 def scatter_role(plain: str) -> Role | None:
     """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
     roles: list[tuple[int, Role]] = []
-    numbered = [phrase for phrase in vocabulary()["roles"]["remark"] if word_length(phrase, plain)]
+    numbered = [phrase for phrase in known_words()["roles"]["remark"] if word_length(phrase, plain)]
     for role in SCATTER:
-        for word in vocabulary()["roles"][role]:
+        for word in known_words()["roles"][role]:
             if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
                 continue
             if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
@@ -338,7 +338,7 @@ def scatter_role(plain: str) -> Role | None:
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     """Meaning of a letter by its unit: `d [mm]`."""
     called = plain_words(heading.name)
-    for name, symbols in vocabulary()["symbols"].items():
+    for name, symbols in known_words()["symbols"].items():
         symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
         for letter, unit in (symbol.rsplit(" ", 1) for symbol in symbols):
             if not heading.unit or symbol_words != plain_words(letter):
@@ -367,15 +367,15 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
 def meaning_of_only_angle(heading: Heading) -> str:
     """Angle that a heading means in a table where nothing else is measured, `angle 1 [deg]`; else empty."""
     bare = re.sub(r"\d+", " ", plain_words(heading.name)).strip()
-    angles = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
+    angles = [name for name, words in known_words()["alone"].items() if bare in words and heading.unit]
     return angles[0] if angles and parse_scale(heading.unit).kind == RADIAN else ""
 
 
 def suggest_meaning(heading: str, bare: bool = False) -> str:
     """What a heading seems to misspell, or may mean beside others, as a letter that is `bare` of a unit."""
     plain = plain_words(heading)
-    words = vocabulary()
-    if best_word(heading, "others")[0] or names_another_thing(heading):
+    words = known_words()
+    if longest_word(heading, "others")[0] or names_another_thing(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
     named_first = [name for name, texts in several if has_word(heading, texts)]
@@ -407,6 +407,6 @@ def heading_holds_value(heading: Heading) -> bool:
     return any(unit_in(unit) not in (None, heading.unit) for unit in VALUE.findall(text))
 
 
-def is_summary(cell: str) -> bool:
+def is_summary_word(cell: str) -> bool:
     """Whether a cell heads a row in which a spreadsheet sums up the others."""
-    return plain_words(cell) in vocabulary()["rows"]["summary"]
+    return plain_words(cell) in known_words()["rows"]["summary"]

@@ -11,7 +11,7 @@ from scipy.special import fdtrc
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
-from taichi_erosion.tables.headings import Heading, is_summary, plain_words, read_heading
+from taichi_erosion.tables.headings import Heading, is_summary_word, plain_words, read_heading
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
@@ -106,7 +106,7 @@ def why_column_is_no_condition(
     counts = distinct.size == values.size == 1 + np.ptp(values)
     if whole and (counts or (YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1])):
         return "it counts rows or years"
-    summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
+    summary = is_summary_word(re.sub(r"\s*[\[(].*", "", heading))
     if summary or RESULTS.search(plain_words(heading)):
         return "it is a result beside the measured quantity"
     if any(is_computed_from_result(values, each) for each in results):

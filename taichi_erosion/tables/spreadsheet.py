@@ -34,13 +34,13 @@ from taichi_erosion.tables.headings import (
     Heading,
     apply_law,
     has_word,
-    is_summary,
+    is_summary_word,
+    known_words,
     meaning_of,
     meaning_of_symbol,
     plain_words,
     read_heading,
     unit_in,
-    vocabulary,
 )
 from taichi_erosion.tables.number_columns import stem
 
@@ -101,7 +101,7 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         rows.pop()  # a footnote
     rows = name_blank_repeat_columns(with_one_heading(rows[start:]))
-    return convert_units(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
+    return apply_number_laws(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:
@@ -329,13 +329,13 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
             yield line, tuple(cells[:width])
 
 
-def convert_units(cells: Cells) -> Cells:
+def apply_number_laws(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
     columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
     notes = []
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
-        if has_word(heading.text, vocabulary()["roles"]["sd"]):
+        if has_word(heading.text, known_words()["roles"]["sd"]):
             content = [BRACKETED.sub(r"\1 ± \2", cell) for cell in content]
         value = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
         matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if value else []
@@ -346,7 +346,7 @@ def convert_units(cells: Cells) -> Cells:
             pairs = zip(matches, content, strict=True)
             plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
         column[1:] = [cell_in_column_unit(cell, heading, cells.decimal_comma) for cell in plain]
-        conversions = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
+        conversions = known_words()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()
         notes += [f"column '{heading.text}': {words}" for words in (*marks, *conversions)]
     rows = zip((line for line, _ in cells.rows), zip(*columns, strict=True), strict=True)
@@ -361,7 +361,7 @@ def cell_in_column_unit(cell: str, heading: Heading, comma: bool) -> str:
     mark = "," if comma else "."
     sieve = SIEVE.fullmatch(plain_cell(cell))
     if sieve is not None and (heading.law == "mesh" or sieve["unit"]):
-        sizes = [vocabulary()["sieves"].get(number, ("nan",))[0] for number in sieve.group(1, 2) if number]
+        sizes = [known_words()["sieves"].get(number, ("nan",))[0] for number in sieve.group(1, 2) if number]
         if "nan" not in sizes:
             return " to ".join(sorted(sizes, key=float)).replace(".", mark) + " mm"
     if not heading.law or cell_word(cell):
@@ -388,7 +388,7 @@ def find_column_and_siblings(cells: Cells, text: str) -> tuple[list[int], list[i
     return itself, numbered if not itself or itself[0] in numbered else []
 
 
-def are_kinds(words: Sequence[str], alike: bool) -> bool:
+def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
     """Whether words name kinds: each has two rows on average, or one of rows that are otherwise `alike`."""
     kinds, bare = len({*words}), len({re.sub(r"\d", "", each) for each in words})
     return "" not in words and kinds > 1 and (2 * kinds <= len(words) or (alike and bare == len(words)))
@@ -396,7 +396,7 @@ def are_kinds(words: Sequence[str], alike: bool) -> bool:
 
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row."""
-    at, word = [row[k] for k in conditions], next(filter(is_summary, row), "")
+    at, word = [row[k] for k in conditions], next(filter(is_summary_word, row), "")
     rest = (each for _, each in cells.lines if word not in each)
     return word if word and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""
 

@@ -23,7 +23,7 @@ from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.change import sample_scene
-from taichi_erosion.simulation import advance, assemble, failure, snapshot
+from taichi_erosion.simulation import advance, assemble, failure_of, snapshot
 from taichi_erosion.verification.claims import PRECISIONS, Ladder, Outcome, Precision, below, holds, relative
 
 GRAVITY = 9.81  # m s-2
@@ -63,7 +63,7 @@ def sample_states(
         advance(sim, row.tolist())
         rows.append([snapshot(sim, replica) for replica in range(len(setups))])
     for replica in range(len(setups)):
-        if fault := failure(sim, replica):
+        if fault := failure_of(sim, replica):
             raise RuntimeError(f"replica {replica} stopped: {fault}")
     return list(zip(*rows, strict=True))
 
@@ -100,7 +100,7 @@ IMPACTS = {  # pairs of test 1 of Chung & Ooi, of 10 mm radius at 20 m/s: E [Pa]
 }
 
 
-def hertz_peaks() -> Iterator[Outcome]:
+def hertz_outcomes() -> Iterator[Outcome]:
     """V02: head-on impacts against Hertz's closed form.
 
     The deepest sample misses the deepest point by at most half a step, (pi/400)^2/2 = 3e-5 of the overlap,
@@ -111,10 +111,8 @@ def hertz_peaks() -> Iterator[Outcome]:
         mass = sphere_mass(radius, density)
         impact = hertz_impact(0.5 * young / (1.0 - poisson**2), radius / 2.0, mass / 2.0, speed)
         step = impact[2] / PER_CONTACT
-        height = radius + 0.5 * AHEAD * speed * step
-        starts = [
-            {"position": (0.0, 0.0, s * height), "velocity": (0.0, 0.0, -s * speed / 2)} for s in (1, -1)
-        ]
+        away = radius + 0.5 * AHEAD * speed * step
+        starts = [{"position": (0.0, 0.0, s * away), "velocity": (0.0, 0.0, -s * speed / 2)} for s in (1, -1)]
         solid = {"density": density, "young_modulus": young, "poisson_ratio": poisson}
         setups.append(equal_grains(2.0 * radius, solid, step, starts))
         closed.append(impact)
@@ -205,7 +203,7 @@ def channel_setup() -> AirSetup:
     )
 
 
-def channel_flow() -> Iterator[Outcome]:
+def channel_outcomes() -> Iterator[Outcome]:
     """V28: stress, friction velocity, viscous sublayer and law of the wall in a channel.
 
     tau = rho u*^2 (1 - z / H) with rho u*^2 = -G H for a mean pressure gradient G, whatever the closure. Over
@@ -247,10 +245,12 @@ def simulated_settling_speeds() -> Floats:
     return np.array([-path[-1].velocity[0, 2] for path in paths])
 
 
-def terminal_velocities() -> Iterator[Outcome]:
+def settling_outcomes() -> Iterator[Outcome]:
     """V30: quartz spheres fall at the published terminal velocities, four digits each."""
     for (microns, speed_of_table), speed in zip(TERMINAL.items(), simulated_settling_speeds(), strict=True):
         yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, speed_of_table, 0.005, "f64")
 
 
-LADDER = Ladder({"V02": hertz_peaks, "V23": thread_outcomes, "V28": channel_flow, "V30": terminal_velocities})
+LADDER = Ladder(
+    {"V02": hertz_outcomes, "V23": thread_outcomes, "V28": channel_outcomes, "V30": settling_outcomes}
+)

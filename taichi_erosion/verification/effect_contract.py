@@ -79,26 +79,26 @@ class RecordedConditions(Mapping[str, Any]):
         return len(self.values_by_name)
 
 
-def own_conditions(effect: Effect) -> list[str]:
+def conditions_to_declare(effect: Effect) -> list[str]:
     """Conditions that an effect reads and that a scene has to declare."""
     return [name for name in effect.reads if name not in Conditions.model_fields]
 
 
-def conditions_for(effect: Effect) -> dict[str, float]:
+def sample_conditions(effect: Effect) -> dict[str, float]:
     """A laboratory that states every condition, those that only this effect reads among them."""
-    return CONDITIONS | dict.fromkeys(own_conditions(effect), 1.0)
+    return CONDITIONS | dict.fromkeys(conditions_to_declare(effect), 1.0)
 
 
-def scenes_for(effect: Effect) -> list[dict[str, Any]]:
+def sample_sections(effect: Effect) -> list[dict[str, Any]]:
     """Sections of sample scenes without and with wind."""
-    extra = {name: {"unit": "1", "value": 1.0} for name in own_conditions(effect)}
+    extra = {name: {"unit": "1", "value": 1.0} for name in conditions_to_declare(effect)}
     conditions = CONDITIONS | ({"extra": extra} if extra else {})
     return [{"conditions": conditions}, {"conditions": conditions, "wind": WIND}]
 
 
 def sample_row(effect: Effect) -> dict[str, Any]:
     """One row of a table that states every condition."""
-    return {name: np.array([1.0]) for name in conditions_for(effect)}
+    return {name: np.array([1.0]) for name in sample_conditions(effect)}
 
 
 def extreme_params(effect: Effect) -> Iterator[tuple[str, Any]]:
@@ -108,7 +108,7 @@ def extreme_params(effect: Effect) -> Iterator[tuple[str, Any]]:
             yield f.name, replace(effect.params(), **{f.name: f.metadata[end]})
 
 
-def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
+def table_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """The verification table has at least three lines, and all are right."""
     table = list(effect.checks(probe))
     if len(table) < LEAST_CHECKS:
@@ -116,14 +116,14 @@ def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
     yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not is_check_right(c))
 
 
-def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
+def unpinned_parameters(effect: Effect, probe: Probe) -> Iterator[str]:
     """Making any one parameter wrong by 10 % breaks some line of the table."""
     for f in fields(effect.params):
         if all(is_check_right(check) for check in effect.checks(falsify_parameter(probe, f.name, WRONG))):
             yield f"no line of its table notices that {f.name} is wrong by 10 %"
 
 
-def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
+def parameter_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """Parameters carry unit, meaning and a finite range that holds their default."""
     for f in fields(effect.params):
         problems = list(declaration_problems(f))
@@ -150,19 +150,19 @@ def declaration_problems(f: Any) -> Iterator[str]:
             yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
 
 
-def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
+def grain_state_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """State variables of grains carry unit and meaning, begin as declared, and stay finite."""
     if effect.grain_state is None:
         return
     for f in fields(effect.grain_state):
         yield from (f"grain_state.{problem}" for problem in declaration_problems(f))
     for _, params in (("", effect.params()), *extreme_params(effect)):
-        for state in reached_states(effect, probe, params, 1.0):
+        for state in states_of_history(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(state).values()))):
                 yield f"with {params} a state variable is not finite"
 
 
-def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
+def description_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """Docstring with a reference and what strength does; title, prior, conditions that exist."""
     lacking = (word for word in ("Reference:", "trength", "Holds") if word not in (effect.doc or ""))
     yield from (f"its docstring lacks '{word}'" for word in lacking)
@@ -170,7 +170,7 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "it has no title"
     if not 0.0 < effect.prior_scale <= effect.most:
         yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
-    for name in own_conditions(effect):
+    for name in conditions_to_declare(effect):
         if near := get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE):
             meaning = f"did you mean '{near[0]}'?"
             yield f"it reads '{name}', which is not among the conditions of a scene; {meaning}"
@@ -178,15 +178,15 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "can_act does not give a mask"
 
 
-def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
+def undeclared_reads(effect: Effect, probe: Probe) -> Iterator[str]:
     """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
-    conditions, row = RecordedConditions(conditions_for(effect)), RecordedConditions(sample_row(effect))
+    conditions, row = RecordedConditions(sample_conditions(effect)), RecordedConditions(sample_row(effect))
     params = effect.params()
     effect.can_act(row)
     effect.dose(params, conditions)
     if effect.constants is not None:
         effect.constants(params, 1.0, conditions)
-    for sections in scenes_for(effect) if effect.place == "scene" else ():
+    for sections in sample_sections(effect) if effect.place == "scene" else ():
         with suppress(BadInput):  # the scene is refused
             effect.act(params, 1.0, conditions, sample_scene(**sections))
     for name in READINGS if effect.place == "instrument" else ():
@@ -195,18 +195,18 @@ def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
         yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 
-def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
+def infinite_numbers(effect: Effect, probe: Probe) -> Iterator[str]:
     """All its numbers are finite at both ends of every range; a scene may be refused with a clear line."""
     for name, params in extreme_params(effect):
         if not np.all(np.isfinite(effect_numbers(effect, probe, params, 1.0))):
             yield f"{name} = {getattr(params, name):g} gives a number that is not finite"
 
 
-def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
+def leftovers_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     """At strength 0 it does nothing, to the last bit."""
-    params, conditions = effect.params(), conditions_for(effect)
+    params, conditions = effect.params(), sample_conditions(effect)
     if effect.place == "scene":
-        scenes = [sample_scene(**sections) for sections in scenes_for(effect)]
+        scenes = [sample_scene(**sections) for sections in sample_sections(effect)]
         if any(effect.act(params, 0.0, conditions, scene) != scene for scene in scenes):
             yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
@@ -216,22 +216,22 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "it acts at strength 0"
 
 
-def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
+def reach_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
         return
-    constants = effect.constants(effect.params(), 1.0, conditions_for(effect))
+    constants = effect.constants(effect.params(), 1.0, sample_conditions(effect))
     reach = effect.reach(constants, TYPICAL["pair"]["radius_i"])
     if not 0.0 <= reach < inf:
         yield f"its reach is {reach}"
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
-        if np.any(probe(effect.params(), conditions_for(effect), **(beyond | partner)) != 0.0):
+        if np.any(probe(effect.params(), sample_conditions(effect), **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
 
 
-def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
+def open_number_faults(effect: Effect, probe: Probe) -> Iterator[str]:
     """Numbers that are left to calibration are parameters of the effect, and have a prior with a width."""
     for name, sd in effect.uncertain.items():
         if name not in {f.name for f in fields(effect.params)}:
@@ -242,9 +242,9 @@ def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
-    conditions = conditions_for(effect)
+    conditions = sample_conditions(effect)
     if effect.place == "scene":
-        numbers = [scene_numbers(probe, params, strength, sections) for sections in scenes_for(effect)]
+        numbers = [scene_numbers(probe, params, strength, sections) for sections in sample_sections(effect)]
         return np.concatenate(numbers)
     if effect.place == "instrument":
         cells = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
@@ -252,16 +252,16 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
     members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
         return np.ravel(probe(params, conditions, **members))
-    states = reached_states(effect, probe, params, strength)
+    states = states_of_history(effect, probe, params, strength)
     return np.concatenate([np.ravel(probe(params, conditions, state_i=state, **members)) for state in states])
 
 
-def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
+def states_of_history(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
     """States of a grain that has entered, after a long rest, and after a flight that follows it."""
     states: list[Any] = [None]
     for situation in (RESTING, RESTING, TYPICAL["grain"]):
         before = {"strength": strength, "state_before": states[-1]}
-        states.append(probe(params, conditions_for(effect), **before, **situation))
+        states.append(probe(params, sample_conditions(effect), **before, **situation))
     return states[1:]
 
 
@@ -279,16 +279,16 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
 
 Clause = Callable[[Effect, Probe], Iterator[str]]
 CLAUSES: dict[str, Clause] = {
-    "its verification table is right": table_is_right,
-    "a parameter wrong by 10 % breaks its table": parameters_are_pinned,
-    "its parameters carry unit, meaning and range": parameters_are_documented,
-    "it is described": is_described,
-    "it names the conditions that it reads": names_what_it_reads,
-    "it is finite at the ends of every range": is_finite_everywhere,
-    "it does nothing at strength 0": vanishes_at_no_strength,
-    "it is silent beyond its reach": has_a_sane_reach,
-    "what it leaves to calibration is its own": leaves_open_its_own,
-    "its state variables are declared and finite": grain_state_is_sound,
+    "its verification table is right": table_faults,
+    "a parameter wrong by 10 % breaks its table": unpinned_parameters,
+    "its parameters carry unit, meaning and range": parameter_faults,
+    "it is described": description_faults,
+    "it names the conditions that it reads": undeclared_reads,
+    "it is finite at the ends of every range": infinite_numbers,
+    "it does nothing at strength 0": leftovers_at_no_strength,
+    "it is silent beyond its reach": reach_faults,
+    "what it leaves to calibration is its own": open_number_faults,
+    "its state variables are declared and finite": grain_state_faults,
 }
 
 
@@ -358,7 +358,5 @@ def check_sentence(examination: Mapping[str, Any]) -> str:
     if not examination["breaches"]:
         return f"{subject} compiles and keeps the contract of effects ({examination['wall_s']:.1f} s)"
     first, *others = examination["breaches"]
-    listed = (
-        f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"
-    )
-    return f"{subject} breaks the contract of effects: {first}{f' (and {listed})' if others else ''}"
+    rest = f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"
+    return f"{subject} breaks the contract of effects: {first}{f' (and {rest})' if others else ''}"

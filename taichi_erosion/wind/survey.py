@@ -15,8 +15,8 @@ import tomlkit
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.files import make_parent_folder, mark_toml, refuse_foreign_file, write_atomic
-from taichi_erosion.evidence.answers.scene_templates import set_entry
-from taichi_erosion.evidence.data.measured import read_measured, value_unit_factor
+from taichi_erosion.evidence.answers.scene_templates import set_scene_entry
+from taichi_erosion.evidence.data.measured import read_measured_table, value_unit_factor
 from taichi_erosion.execution import Report, RunOptions, run_scene
 from taichi_erosion.measures.result import Measurement, as_record
 from taichi_erosion.measures.shortfalls import LEAST_BEDS
@@ -86,7 +86,7 @@ def survey_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float,
 
 def flux_by_wind(path: Path) -> Fluxes:
     """Fluxes of a table by friction velocity. Raises BadInput where there are none."""
-    table = read_measured(path)
+    table = read_measured_table(path)
     places = [k for k, name in enumerate(table.conditions) if name in ("friction_velocity", "u_star")]
     rows = [row for row in table.rows if row.observable == "flux" and not row.censored]
     if not places or not rows:
@@ -121,7 +121,7 @@ def survey_scene_text(survey: Survey, wind: float | None) -> str:
     if survey.moisture > 0.0:
         changes |= {"conditions.moisture": survey.moisture, "effects.liquid_bridge": {"strength": 1.0}}
     for name, value in (changes | ({} if wind is None else wind_changes(survey, wind))).items():
-        set_entry(document, name.split("."), value)
+        set_scene_entry(document, name.split("."), value)
     text = "\n" + tomlkit.dumps(document)
     return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
@@ -160,14 +160,14 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     """Run a scene; groups of beds with fresh seeds follow, up to MOST_BEDS, until a threshold is precise."""
     count, beds, most = 0, survey.beds, MOST_BEDS if isfinite(precision) else survey.beds
 
-    def part(share: float, words: str) -> None:
+    def report_part(share: float, words: str) -> None:
         report((count + share * beds) / max(most, beds), words)
 
-    document = run_scene(path, RunOptions(no_record=True, progress=part))
-    while (count := count + beds) < MOST_BEDS and relative_error(document, survey.precise) > precision:
+    document = run_scene(path, RunOptions(no_record=True, progress=report_part))
+    while (count := count + beds) < MOST_BEDS and relative_half_width(document, survey.precise) > precision:
         seed, beds = document["seed"] + count, min(survey.beds, MOST_BEDS - count)
         with suppress(SimulationStopped):  # of all beds of a group, which then adds nothing
-            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=part))
+            more = run_scene(path, RunOptions(seed=seed, replicas=beds, no_record=True, progress=report_part))
             replicas = [*document["replicas"], *more["replicas"]]
             document |= {"replicas": replicas, "wall_s": document["wall_s"] + more["wall_s"]}
             for name in document["measures"]:  # shortfalls belong to sets of beds
@@ -177,7 +177,7 @@ def run_beds(path: Path, survey: Survey, precision: float, report: Report) -> di
     return document
 
 
-def relative_error(document: Mapping[str, Any], name: str) -> float:
+def relative_half_width(document: Mapping[str, Any], name: str) -> float:
     """Distance of a threshold from the further end of its 95 % interval [1]; few beds are close by chance."""
     measure = document["measures"].get(name, {"n": 0})
     if measure["n"] < LEAST_BEDS or not (ends := measure["details"].get("interval")):

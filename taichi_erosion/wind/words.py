@@ -6,10 +6,10 @@ from typing import Any
 
 from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.run_words import measured_value_texts, run_warnings, with_sd_text
-from taichi_erosion.evidence.words.vocabulary import quantity
+from taichi_erosion.evidence.words.vocabulary import in_words
 from taichi_erosion.measures.wind_formulas import RANGES
 from taichi_erosion.tables.number_words import plain
-from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_error
+from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_half_width
 
 Document = Mapping[str, Any]
 THRESHOLDS = ("fluid_threshold", "impact_threshold")
@@ -20,7 +20,7 @@ PATCH = (
 INTERVAL = ", brackets: 95 % over beds; ±: standard deviation"  # of what is simulated or measured
 
 
-def cost_text(survey: Survey, cores: int) -> str:
+def survey_cost_text(survey: Survey, cores: int) -> str:
     """`about 13 core-minutes, 7 minutes on 2 cores`; at most how many where a precision is asked for."""
     beds, most = survey.beds, max(survey.beds, MOST_BEDS)
     cost, limit = (sum(survey.core_minutes(count)) for count in (beds, most))
@@ -30,7 +30,7 @@ def cost_text(survey: Survey, cores: int) -> str:
 
 def formula_line(document: Document) -> str:
     """`by the formulas: fluid threshold u* 0.243 to 0.252 m/s, ...`, which needs no simulation."""
-    laws = [(f"{quantity(name)} u*", document[name], 1.0, "m/s") for name in THRESHOLDS]
+    laws = [(f"{in_words(name)} u*", document[name], 1.0, "m/s") for name in THRESHOLDS]
     fluxes = zip(document["winds"], document["flux"], strict=True)
     laws += [(f"flux at {wind:g} m/s", by_law, 1e3, "g/(m s)") for wind, by_law in fluxes]
     parts = []
@@ -41,21 +41,21 @@ def formula_line(document: Document) -> str:
     return f"by the formulas: {', '.join(parts)}"
 
 
-def run_line(name: str, run: Document) -> str:
+def run_result_line(name: str, run: Document) -> str:
     """`flux_0.3: sand flux 12 (10 to 14) g/(m s)`: what a scene of the survey gives."""
     units = {**dict.fromkeys(THRESHOLDS, (1.0, "m/s")), "flux": (1e3, "g/(m s)")}
     measures = ((key, run["measures"].get(key), *unit) for key, unit in units.items())
-    parts = (f"{quantity(key)} {interval_text(m, scale)} {unit}" for key, m, scale, unit in measures if m)
+    parts = (f"{in_words(key)} {interval_text(m, scale)} {unit}" for key, m, scale, unit in measures if m)
     return f"{name}: {', '.join(parts)}"
 
 
 def threshold_table(document: Document) -> Table:
     """Thresholds u* by source, simulated ones first."""
     measures = document["runs"].get("thresholds", {}).get("measures", {})
-    rows = [(quantity(name), "simulated", interval_text(measure)) for name, measure in measures.items()]
+    rows = [(in_words(name), "simulated", interval_text(measure)) for name, measure in measures.items()]
     for name in THRESHOLDS:
         laws = document[name].items()
-        rows += [(quantity(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
+        rows += [(in_words(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
     columns = "u* [m/s]; ratio [1]", "by", "value"
     return Table(f"thresholds{INTERVAL * bool(measures)}", columns, tuple(rows))
 
@@ -89,8 +89,8 @@ def survey_notes(document: Document) -> Iterator[str]:
         yield from (f"warning: {name}: {line}" for line in lines)
     yield from [PATCH] * ("thresholds" in document["runs"])
     for name, share in document["precision"].items():
-        if document["runs"] and (off := relative_error(document["runs"]["thresholds"], name)) > share:
-            yield f"warning: {quantity(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
+        if document["runs"] and (off := relative_half_width(document["runs"]["thresholds"], name)) > share:
+            yield f"warning: {in_words(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
     if document["sand"]["moisture"] > 0.0:
         yield "The formulas are those of dry sand."
     laws = document["fluid_threshold"] | document["impact_threshold"]

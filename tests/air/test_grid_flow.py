@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.air.grid import allocate_air, apply_to_all_columns, store_void_fraction
-from taichi_erosion.air.inlet_turbulence import draw_waves
+from taichi_erosion.air.grid import allocate_air, apply_to_all_columns, store_previous_void
+from taichi_erosion.air.inlet_turbulence import sample_waves
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurbulence
@@ -16,12 +16,12 @@ from tests.verification.small_scenes import box, sides
 
 def test_inlet_fluctuations_have_the_stated_deviation_and_no_mean():
     turbulence = InletTurbulence((0.5, 0.3, 0.2), length=0.1, seed=3, waves=400)
-    vector, amplitude, phase = draw_waves(turbulence)
+    vector, amplitude, phase = sample_waves(turbulence)
     blown = np.cos(np.random.default_rng(1).uniform(0.0, 50.0, (4000, 3)) @ vector.T + phase) @ amplitude
     # 400 random directions leave a scatter of a few per cent in each component
     assert blown.std(axis=0) == pytest.approx(turbulence.deviation, rel=0.15)
     assert np.abs(blown.mean(axis=0)).max() < 0.03
-    assert not np.array_equal(draw_waves(replace(turbulence, seed=4))[2], phase)
+    assert not np.array_equal(sample_waves(replace(turbulence, seed=4))[2], phase)
 
 
 SPEED, DENSITY, COEFFICIENT, VOID = 0.1, 1.2, 500.0, 0.4  # m s-1, kg m-3, N s m-4, 1
@@ -41,7 +41,7 @@ def test_air_rises_faster_between_grains_and_pays_for_their_drag_with_pressure(s
     void[:, :, :, 5:10], drag[:, :, :, 5:10] = VOID, COEFFICIENT  # layers 4 to 8
     air.void_fraction.from_numpy(void)
     air.exchange_coefficient.from_numpy(drag)
-    apply_to_all_columns(store_void_fraction, air)
+    apply_to_all_columns(store_previous_void, air)
     advance_air(air, 60)
     rise = face_velocities(air, 0)[2][1, 1]
     assert rise[0] == pytest.approx(SPEED)

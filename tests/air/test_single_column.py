@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_erosion.air.grid import Air, allocate_air, apply_to_all_columns, store_void_fraction
+from taichi_erosion.air.grid import Air, allocate_air, apply_to_all_columns, store_previous_void
 from taichi_erosion.air.single_column import advance_columns
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces, log_profile
@@ -65,7 +65,7 @@ def wind(air: Air, replica: int = 0) -> Floats:
 def test_the_column_is_the_grid_of_one_column(floor):
     setup = column(floor, implicitness=0.7, driving_gradient=(-0.5, 0.0, 0.0))
     grid, alone = (over_grains([setup], coefficient=1e3, force=5.0) for _ in range(2))
-    apply_to_all_columns(store_void_fraction, grid)
+    apply_to_all_columns(store_previous_void, grid)
     advance_air(grid, STEPS)
     advance_columns(STEPS, alone)
     # the same sums in another order; explicit halves of stiff layers magnify rounding

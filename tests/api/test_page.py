@@ -16,8 +16,8 @@ from taichi_erosion.api.page import Page, serve_page
 from taichi_erosion.api.prompt import execute_line
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import session as live
-from taichi_erosion.execution.observables import patch_of
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.execution.observables import wind_patch_of_scene
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.simulation import snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -184,7 +184,7 @@ def test_kept_states_thin_out_where_they_fill_the_memory(page, monkeypatch):
 def test_a_failure_pauses_tells_and_leaves_the_last_good_state(page):
     send(page, "step 30")
     with page.turn:
-        live.keep_present_state(page.session, is_due=True)
+        live.keep_state_if_due(page.session, is_due=True)
     good = page.session.time
     page.session.state.failure = Failure(Status.OVERLAP, good, 7, 9, 0.31)
     status, text, _ = request(page, "command", "play")
@@ -258,8 +258,8 @@ def test_grains_fly_when_the_wind_is_raised(tmp_path):
     send(page, "set wind.friction_velocity 0.05")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    calm = flux_of(snapshot(session.sim, 0), patch_of(session.scene))
+    calm = flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
     send(page, "set wind.friction_velocity 1.0")
     send(page, "run 0.004")
     wait_until(page, lambda now: not now["playing"])
-    assert flux_of(snapshot(session.sim, 0), patch_of(session.scene)) > 3.0 * abs(calm)
+    assert flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene)) > 3.0 * abs(calm)

@@ -6,7 +6,7 @@ from recorded_heaps import read_properties
 from stand_in import opened
 
 from taichi_erosion.campaign.execute import run_requests
-from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.request import request_of_file
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
@@ -30,10 +30,10 @@ def results(folder):
     scene = write_scene(folder)
     doe = {"doe": {"friction_sliding": 0.9}}
     requests = [
-        scene_request(scene, (), 3),
-        scene_request(scene, (ROUGH, *WET, *TAPPED), 4, record=folder / "rough.rrd", properties=doe),
-        scene_request(scene, (STIFF,), 3),
-        scene_request(scene, HASTY, 3),
+        request_of_file(scene, (), 3),
+        request_of_file(scene, (ROUGH, *WET, *TAPPED), 4, record=folder / "rough.rrd", properties=doe),
+        request_of_file(scene, (STIFF,), 3),
+        request_of_file(scene, HASTY, 3),
     ]
     with opened(folder / "campaign") as store:
         return run_requests(requests, store, workers=1)
@@ -61,33 +61,33 @@ def test_a_stopped_run_is_kept_with_its_reason_and_a_recording_holds_factors_and
 
 def test_the_key_follows_scene_seed_and_what_moves_bits_and_nothing_else(folder):
     scene = write_scene(folder)
-    usual = scene_request(scene, (), 3)
-    assert scene_request(scene, ('scene.title="other"',), 3, record=folder / "x.rrd").key == usual.key
-    assert scene_request(scene, (), 4).key != usual.key
-    assert scene_request(scene, (ROUGH,), 3).key != usual.key
+    usual = request_of_file(scene, (), 3)
+    assert request_of_file(scene, ('scene.title="other"',), 3, record=folder / "x.rrd").key == usual.key
+    assert request_of_file(scene, (), 4).key != usual.key
+    assert request_of_file(scene, (ROUGH,), 3).key != usual.key
     devices = [BY_GRAIN, WorkersEntry(arch="cuda"), WorkersEntry(arch="cuda", decomposition="partitions")]
-    asked = [scene_request(scene, (), 3, device=device) for device in devices]
+    asked = [request_of_file(scene, (), 3, device=device) for device in devices]
     assert len({usual.key, *(request.key for request in asked)}) == 4
     assert len({usual.group, *(request.group for request in asked)}) == 4
-    assert scene_request(scene, (), 3, device=WorkersEntry(decomposition="partitions")).key == usual.key
+    assert request_of_file(scene, (), 3, device=WorkersEntry(decomposition="partitions")).key == usual.key
     # no graphics processor here, and too few grains for one
-    assert scene_request(scene, (), 3, device=AUTO).key == usual.key
+    assert request_of_file(scene, (), 3, device=AUTO).key == usual.key
 
 
 def test_what_the_device_cannot_run_is_refused_or_left_to_the_cpu(folder, monkeypatch):
     with pytest.raises(BadInput, match="no grids of air"):
-        scene_request(GRID, (), 3, device=BY_GRAIN)
+        request_of_file(GRID, (), 3, device=BY_GRAIN)
     monkeypatch.setattr(scene_run, "has_cuda", lambda: True)
     monkeypatch.setattr(scene_run, "CROSSOVER", 1)
-    on_grid, usual = (scene_request(path, (), 3, device=AUTO) for path in (GRID, write_scene(folder)))
+    on_grid, usual = (request_of_file(path, (), 3, device=AUTO) for path in (GRID, write_scene(folder)))
     assert (on_grid.arch, usual.arch) == ("cpu", "cuda")
-    assert on_grid.key == scene_request(GRID, (), 3).key
+    assert on_grid.key == request_of_file(GRID, (), 3).key
 
 
 def test_the_work_of_a_run_counts_the_spheres_and_steps_that_its_effects_make():
     scene = SCENES / "column_collapse.toml"
     plain, long, spread = (
-        scene_request(scene, words, 1).work
+        request_of_file(scene, words, 1).work
         for words in ((), ("effects.grain_shape.strength=1.0",), ("effects.size_distribution.strength=1.0",))
     )
     assert long / plain == pytest.approx(2.0 * (1.0 + 1.5 * 0.3 - 0.5 * 0.3**3) ** (1.0 / 3.0), rel=1e-4)

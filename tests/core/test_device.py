@@ -36,7 +36,7 @@ RUN = """
 import sys
 from benchmarks.vector_width import packed_width
 from taichi_erosion.core import device
-name, rows = device.processor_rows()
+name, rows = device.processor_table_rows()
 device.overwrite_processor_row(rows[name], rows[sys.argv[1]])
 from taichi_erosion.cli.main import main
 code = main(["run", sys.argv[2], "--no-record", "--json", "--threads", "1", "--replicas", "1"])
@@ -69,27 +69,29 @@ def written(monkeypatch):
     rows: list[tuple[int, int]] = []
     monkeypatch.setattr(device, "overwrite_processor_row", lambda *pair: rows.append(pair))
     table = device.UNKNOWN, {device.UNKNOWN: 1, device.WIDE: 2}
-    monkeypatch.setattr(device, "processor_rows", lambda: table)
+    monkeypatch.setattr(device, "processor_table_rows", lambda: table)
     monkeypatch.setattr(device, "read_cpuinfo", lambda: {"flags": " ".join(device.WIDE_FLAGS)})
     return rows
 
 
 @linux_x86
 def test_an_unknown_processor_gets_the_wide_row_and_a_known_one_keeps_its_own(written, monkeypatch):
-    assert device.widest_target.__wrapped__() == "generic-as-znver3"
-    monkeypatch.setattr(device, "processor_rows", lambda: ("skylake", {device.UNKNOWN: 1, device.WIDE: 2}))
-    assert device.widest_target.__wrapped__() == "skylake"
+    assert device.widest_processor.__wrapped__() == "generic-as-znver3"
+    monkeypatch.setattr(
+        device, "processor_table_rows", lambda: ("skylake", {device.UNKNOWN: 1, device.WIDE: 2})
+    )
+    assert device.widest_processor.__wrapped__() == "skylake"
     assert written == [(1, 2)]
 
 
 @linux_x86
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("read_cpuinfo", dict), ("processor_rows", lambda: int("another table")), ("TAICHI", (1, 7, 5))],
+    [("read_cpuinfo", dict), ("processor_table_rows", lambda: int("another table")), ("TAICHI", (1, 7, 5))],
 )
 def test_nothing_is_changed_where_a_check_fails(name, value, written, monkeypatch):
     monkeypatch.setattr(device, name, value)
-    assert device.widest_target.__wrapped__() in {device.UNKNOWN, platform.machine()}
+    assert device.widest_processor.__wrapped__() in {device.UNKNOWN, platform.machine()}
     assert written == []
 
 

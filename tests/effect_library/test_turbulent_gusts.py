@@ -10,7 +10,7 @@ import pytest
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Probe, replica_effect
 from taichi_erosion.core.effect_device import bind
-from taichi_erosion.core.effect_probe import allocate_bench, evaluate_bench_grain, make_probe, set_members
+from taichi_erosion.core.effect_probe import allocate_bench, evaluate_bench_grain, make_probe, write_members
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.drag import drag_law
@@ -132,7 +132,7 @@ def test_lift_and_torque_feel_the_gust():
     def answer(names: list[str], members: dict[str, Any]) -> np.ndarray:
         effects = [replica_effect(library[n], library[n].params(), 1.0, {}, 0.0) for n in names]
         bound = bind("grain", [effects])
-        set_members(bench.grain, members)
+        write_members(bench.grain, members)
         evaluate_bench_grain(bound, bench.grain, bench.force, bench.torque)
         return np.concatenate([download_field(bench.force)[0], download_field(bench.torque)[0]])
 

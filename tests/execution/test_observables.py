@@ -7,7 +7,7 @@ import pytest
 from measures.heaps import cone, snapshot_of
 
 from taichi_erosion.execution.checks import read_scene
-from taichi_erosion.execution.observables import MeasureInput, measure
+from taichi_erosion.execution.observables import MeasureInput, measure_observable
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SCENE = read_scene(SCENES / "funnel_repose.toml", ())
@@ -18,15 +18,15 @@ def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted
     scene = read_scene(
         SCENES / "funnel_repose.toml", [f"geometry.plate.{x}" for x in ("shape=disc", "radius=0.03")]
     )
-    whole = snapshot_of(np.concatenate([(heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)), heap]))
-    for name, request in scene.measure.items():
-        alone, found = (
-            measure(name, MeasureInput(scene, request, s, (), ())) for s in (snapshot_of(heap), whole)
+    all_ = snapshot_of(np.concatenate([(heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)), heap]))
+    for name, asked in scene.measure.items():
+        one, both = (
+            measure_observable(name, MeasureInput(scene, asked, s, (), ())) for s in (snapshot_of(heap), all_)
         )
-        assert found.value == pytest.approx(alone.value, rel=1e-12)
-        assert found.details["fallen_grains"] == 40
-        assert found.notes == (
-            *alone.notes,
+        assert both.value == pytest.approx(one.value, rel=1e-12)
+        assert both.details["fallen_grains"] == 40
+        assert both.notes == (
+            *one.notes,
             f"40 of {len(heap) + 40:,} grains fell off the plate; the others are measured",
         )
 
@@ -38,6 +38,6 @@ def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel: floa
     stuck = heap[: int(in_funnel * len(heap))] + np.array([0.0, 0.0, 0.06])
     end = snapshot_of(np.concatenate([heap, stuck]))
     for name, request in SCENE.measure.items():
-        found = measure(name, MeasureInput(SCENE, request, end, (), ()))
+        found = measure_observable(name, MeasureInput(SCENE, request, end, (), ()))
         assert np.isfinite(found.value) == valued
         assert valued or "still in the funnel" in found.notes[0]

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from small_scene import write_scene
 
-from taichi_erosion.campaign.request import request_of, simulation_function
+from taichi_erosion.campaign.request import request_of_scene, simulation_function
 from taichi_erosion.cli.effects import effect_file_text
 from taichi_erosion.execution import ensemble
 from taichi_erosion.execution.checks import library_of, read_scene
@@ -37,7 +37,7 @@ def test_a_file_changes_the_hash_where_its_effect_is_named_and_nowhere_else(scen
 
 
 def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypatch):
-    asked = request_of(read_scene(scene, ON), 3)
+    asked = request_of_scene(read_scene(scene, ON), 3)
     hashed = scene_hash(read_scene(scene, ON))
     (scene.parent / "glue.py").unlink()
     received = []

@@ -7,7 +7,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.result import refuse_foreign_outputs
-from taichi_erosion.execution.session import unused_name
+from taichi_erosion.execution.session import unused_path
 
 SCENE = Path("scenes/heap.toml")
 
@@ -34,7 +34,7 @@ def test_a_file_that_no_run_wrote_is_refused_before_anything_is_simulated(tmp_pa
 
 def test_sessions_count_their_recordings(tmp_path):
     path = tmp_path / "heap-live-1.rrd"
-    assert unused_name(path) == path
+    assert unused_path(path) == path
     path.touch()
     (tmp_path / "heap-live-1-2.rrd").touch()
-    assert unused_name(path).name == "heap-live-1-3.rrd"
+    assert unused_path(path).name == "heap-live-1-3.rrd"

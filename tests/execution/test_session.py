@@ -15,9 +15,9 @@ from taichi_erosion.core.setup import Motion
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution import stages
-from taichi_erosion.execution.observables import patch_of
+from taichi_erosion.execution.observables import wind_patch_of_scene
 from taichi_erosion.execution.recorder import present_walls
-from taichi_erosion.measures.wind_bed import flux_of
+from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.recording.readback import component_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
@@ -68,7 +68,7 @@ def test_air_without_inertia_settles_at_every_check_of_its_stage(session, monkey
 def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles_nothing(session) -> None:
     world = session.sim.world
     live.run_for_seconds(session, 2e-3)
-    assert live.set_entry(session, "gravity.magnitude", "0.0").endswith("at once")
+    assert live.change_entry(session, "gravity.magnitude", "0.0").endswith("at once")
     before = snapshot(session.sim, 0)
     live.run_for_seconds(session, 1e-3)
     after = snapshot(session.sim, 0)
@@ -83,7 +83,7 @@ def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
     live.save_state_as(session, "there")
     live.run_for_seconds(session, 5e-3)
     once = snapshot(session.sim, 0).position
-    live.set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
+    live.change_entry(session, "contact.grain-grain.friction_sliding", "0.0")
     live.restore_saved_state(session, "there")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
     live.run_for_seconds(session, 5e-3)
@@ -94,7 +94,7 @@ def test_the_history_is_a_script_that_gives_the_same_bits_however_the_run_was_di
     friction = "contact.grain-grain.friction_rolling"
     live.run_for_seconds(session, 0.0123)
     live.save_state_as(session, "there")
-    live.set_entry(session, "gravity.magnitude", "0.5")  # not in the history of what follows
+    live.change_entry(session, "gravity.magnitude", "0.5")  # not in the history of what follows
     live.run_for_seconds(session, 2e-3)
     live.restore_saved_state(session, "there")
     for part in (1e-4, 7.3e-4, 0.0041):
@@ -128,18 +128,18 @@ def test_a_session_that_has_failed_stays_until_it_returns_to_a_saved_state(sessi
 
 def test_entries_that_are_built_in_are_refused_with_what_may_change(session) -> None:
     with pytest.raises(BadInput, match=r"grains is fixed.*live are contact, gravity"):
-        live.set_entry(session, "grains.count", "61")
+        live.change_entry(session, "grains.count", "61")
     with pytest.raises(BadInput, match="friction_sliding"):
-        live.set_entry(session, "contact.grain-grain.friction_sliding", "-1.0")
+        live.change_entry(session, "contact.grain-grain.friction_sliding", "-1.0")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
 
 
 def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
-    assert "after building" in live.set_entry(session, "effects.dry_adhesion.strength", "1.0")
+    assert "after building" in live.change_entry(session, "effects.dry_adhesion.strength", "1.0")
     world = session.sim.world
-    assert live.set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
+    assert live.change_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
     assert session.sim.world is world
-    assert live.set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
+    assert live.change_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
     live.run_for_seconds(session, 1e-3)
 
 
@@ -172,7 +172,7 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
 
 
 def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
-    recorder = live.record_session(session, tmp_path / "walls.rrd")
+    recorder = live.begin_recording(session, tmp_path / "walls.rrd")
     live.run_for_seconds(session, 0.002)
     live.save_state_as(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
@@ -247,7 +247,7 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
     path = "contact.grain-grain.friction_rolling"
     assert "grains.count: " in prompt.execute_line(session, "diff"), "what --set changed is a difference too"
     live.save_state_as(session, "before")
-    live.set_entry(session, path, "0.3")
+    live.change_entry(session, path, "0.3")
     assert prompt.execute_line(session, "diff before") == f"{path}: 0.12 -> 0.3"
     live.save_state_as(session, "after")
     assert prompt.execute_line(session, "diff before after") == f"{path}: 0.12 -> 0.3"
@@ -261,7 +261,7 @@ def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> N
     while not session.scene.stages[session.state.stage].tilt_rate:
         live.begin_next_stage(session)
     for magnitude in (9.81, 3.7):
-        live.set_entry(session, "gravity.magnitude", str(magnitude))
+        live.change_entry(session, "gravity.magnitude", str(magnitude))
         live.run_for_seconds(session, 2.0 * session.scene.run.check_interval)
         gravity = export_state(session.sim)["gravity"][0]
         assert np.linalg.norm(gravity) == pytest.approx(magnitude, rel=1e-6)  # in single precision
@@ -275,16 +275,16 @@ SMALL_PATCH = tuple(
 
 
 def flux(session) -> float:
-    return flux_of(snapshot(session.sim, 0), patch_of(session.scene))
+    return flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
 
 
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
     session = live.open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
-    recorder = live.record_session(session, tmp_path / "wind.rrd")
-    live.set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
+    recorder = live.begin_recording(session, tmp_path / "wind.rrd")
+    live.change_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
     live.run_for_seconds(session, 0.004)
     world, calm = session.sim.world, flux(session)
-    assert live.set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
+    assert live.change_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
     assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
     live.run_for_seconds(session, 0.004)
     assert session.sim.world is world

@@ -7,8 +7,8 @@ import pytest
 
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.evidence.words.run_words import measured_value_texts, steady_window_texts
-from taichi_erosion.execution.observables import MeasureInput, measure
-from taichi_erosion.execution.stages import ReplicaState, friction_velocity_in, transport_window
+from taichi_erosion.execution.observables import MeasureInput, measure_observable
+from taichi_erosion.execution.stages import ReplicaState, stage_friction_velocity, steady_transport_window
 from taichi_erosion.measures.result import as_record
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.scene import load_scene
@@ -33,16 +33,16 @@ def bed(shares: np.ndarray) -> ReplicaState:
 
 
 def test_the_wind_of_a_stage_is_that_stated_last_and_what_reaches_the_patch():
-    assert friction_velocity_in(SCENE, STAGE) == FRICTION  # stated by the stage before
-    assert friction_velocity_in(load_scene(SALTATION, ("wind.partition=0.5",)), STAGE) == 0.5 * FRICTION
-    assert friction_velocity_in(SCENE, 0) == 0.0
+    assert stage_friction_velocity(SCENE, STAGE) == FRICTION  # stated by the stage before
+    assert stage_friction_velocity(load_scene(SALTATION, ("wind.partition=0.5",)), STAGE) == 0.5 * FRICTION
+    assert stage_friction_velocity(SCENE, 0) == 0.0
 
 
 def test_beds_of_one_scene_are_balanced_together_and_share_a_window():
     steady = np.ones(240)
     early = np.concatenate([np.full(60, 1.5), steady])  # a hump of 0.3 s
     beds = [bed(1.15 * early), bed(0.85 * early)]
-    together, alone, stopped = (transport_window(SCENE, STAGE, some) for some in (beds, beds[:1], []))
+    together, alone, stopped = (steady_transport_window(SCENE, STAGE, some) for some in (beds, beds[:1], []))
     assert (together.lacking, bool(alone.lacking), stopped) == ((), True, None)
     assert 0.2 < together.start < 0.31  # a few frames of the hump are within 5 % of the whole
     assert together.balance == pytest.approx(1.0, abs=0.03)
@@ -51,11 +51,11 @@ def test_beds_of_one_scene_are_balanced_together_and_share_a_window():
 @pytest.mark.parametrize("balance", [1.0, 1.3])
 def test_a_flux_out_of_balance_is_not_compared(balance):
     state = bed(np.full(200, balance))
-    window = transport_window(SCENE, STAGE, [state])
+    window = steady_transport_window(SCENE, STAGE, [state])
     frames, airs = tuple(state.frames), tuple(state.airs)
     order = SCENE.measure["bed_stress"]
     given = MeasureInput(SCENE, order, frames[-1], frames, (), airs[-1], airs, window=window)
-    found = pool_beds([measure("bed_stress", given)] * 2)
+    found = pool_beds([measure_observable("bed_stress", given)] * 2)
     wanted = {"value": found.value, "sd": 0.1 * found.value, "n": 1}
     document = {"measures": {"bed_stress": as_record(found)}, "measured": {"bed_stress": wanted}}
     assert ("agrees" in next(measured_value_texts(document))) == (balance == 1.0)

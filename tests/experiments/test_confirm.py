@@ -8,7 +8,7 @@ from scipy import stats
 from statsmodels.stats.power import TTestIndPower, TTestPower
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.confirm import Sample, least_detectable, power, welch_test
+from taichi_erosion.experiments.confirm import Sample, least_detectable_difference, power, welch_test
 
 
 def test_welchs_test_agrees_with_scipy():
@@ -29,7 +29,7 @@ def test_power_agrees_with_statsmodels(size):
 
 @pytest.mark.parametrize("df", [1.0, 2.0, 7.2, 60.0])
 def test_the_detectable_difference_is_noticed_four_times_in_five(df):
-    assert power(least_detectable(0.3, df), 0.3, df) == pytest.approx(0.8, abs=1e-9)
+    assert power(least_detectable_difference(0.3, df), 0.3, df) == pytest.approx(0.8, abs=1e-9)
 
 
 def test_failed_runs_do_not_count_as_confirmation():

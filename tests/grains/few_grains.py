@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ClumpTable, Floats, Laws, Motion, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot
-from taichi_erosion.simulation import advance, assemble, failure, move_surface, remove_surface, snapshot
+from taichi_erosion.simulation import advance, assemble, failure_of, move_surface, remove_surface, snapshot
 from tests.verification.small_scenes import primitive_table
 
 INTERVAL = 0.002  # s between snapshots
@@ -95,7 +95,7 @@ def run_worlds(numerics: Numerics = IN_PARTITIONS) -> dict[str, WorldRecord]:
         frames.append([snapshot(sim, replica) for replica in range(len(setups))])
         if k == REMOVAL:
             remove_surface(sim, index["removed"], "wall 0")
-    ends = [failure(sim, replica) for replica in range(len(setups))]
+    ends = [failure_of(sim, replica) for replica in range(len(setups))]
     stop_device()
     return {
         name: WorldRecord(tuple(frame[r] for frame in frames), ends[r], setups[name])

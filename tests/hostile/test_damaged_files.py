@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.measured import read_measured
+from taichi_erosion.evidence.data.measured import read_measured_table
 
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: seven kinds
 SECTIONS = ["scene", "grains", "geometry", "fill", "stages"]
@@ -105,7 +105,7 @@ def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) 
 
 @tried(files.damaged_file(files.MEASURED) | st.tuples(st.just("table.csv"), files.tables))
 def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    read_or_refused(read_measured, put(folder, "measured.csv", example[1]))
+    read_or_refused(read_measured_table, put(folder, "measured.csv", example[1]))
 
 
 @tried(files.damaged_file(files.PUBLISHED) | st.tuples(st.just("table.csv"), files.tables))

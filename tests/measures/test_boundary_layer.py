@@ -19,7 +19,7 @@ def test_a_seventh_power_layer_has_an_eighth_and_seven_seventysecondths():
 
 def test_a_log_layer_gives_its_friction_velocity_and_roughness():
     speed = np.minimum(0.3 / 0.4 * np.log(Z / 1e-5), 0.3 / 0.4 * np.log(0.3 / 1e-5))
-    fit = boundary_layer.log_fit(boundary_layer.Profile(Z, speed, 0.3, 1.5e-5), 0.4)
+    fit = boundary_layer.fit_log_profile(boundary_layer.Profile(Z, speed, 0.3, 1.5e-5), 0.4)
     assert fit.friction_velocity == pytest.approx(0.3, rel=1e-6)
     assert fit.roughness_length == pytest.approx(1e-5, rel=1e-5)
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from taichi_erosion.measures import shortfalls
-from taichi_erosion.measures.result import Measurement, Shortfall, pool
+from taichi_erosion.measures.result import Measurement, Shortfall, pool_repeats
 from taichi_erosion.measures.threshold import pool_beds
 
 DOE = Path(__file__).parents[2] / "doe"
@@ -96,5 +96,5 @@ def test_a_shortfall_of_half_of_the_repeats_is_one_of_the_result():
     lacking = Shortfall("small_heap", "too small", 1.0, 3.0, True, 900)
     good = Measurement("repose_angle", 30.0, 1.0, "deg")
     bad = Measurement("repose_angle", 10.0, 1.0, "deg", shortfalls=(lacking,))
-    assert pool([good, bad]).shortfalls == (lacking,)
-    assert pool([good, good, bad]).shortfalls == ()
+    assert pool_repeats([good, bad]).shortfalls == (lacking,)
+    assert pool_repeats([good, good, bad]).shortfalls == ()

@@ -48,7 +48,7 @@ def test_detached_specks_vanish_and_holes_close():
     image[8:20, 5:20] = True
     image[12:15, 9:12] = False
     image[2:4, 24:26] = True
-    body = silhouette.largest_body(image)
+    body = silhouette.largest_connected_body(image)
     assert body[12:15, 9:12].all()
     assert not body[2:4, 24:26].any()
 

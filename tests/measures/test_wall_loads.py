@@ -7,12 +7,12 @@ import pytest
 
 from taichi_erosion.core.snapshot import ContactNetwork
 from taichi_erosion.measures.wall_loads import (
-    at_peak,
     forces_and_torques_on_walls,
     mean_force_along_axis,
+    mean_torque_about,
     peak_friction_angle,
     residual_friction_angle,
-    torque_about,
+    value_at_peak,
 )
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -39,7 +39,7 @@ def test_forces_and_torques_are_means_with_the_scatter_of_blocks():
     force = mean_force_along_axis(loads, UP)
     assert (force.value, force.unit) == (pytest.approx(2.0, abs=0.05), "N")
     assert force.sd == pytest.approx(0.1 / 8.0, rel=0.5)
-    about = torque_about(loads, np.array([0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0]))
+    about = mean_torque_about(loads, np.array([0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0]))
     assert about.value == pytest.approx(1.0 + 3.0 * force.value)  # -(3 x) x (F z) = 3 F y
     assert mean_force_along_axis(loads[:1], UP).value == loads[0][2]
     assert np.isnan(mean_force_along_axis(loads[:3], UP).value)
@@ -60,6 +60,6 @@ def test_a_friction_angle_is_that_of_the_largest_mean_ratio():
 def test_stresses_and_the_displacement_are_those_of_the_peak():
     places = np.linspace(0.0, 63e-3, 64)  # m, along x and, of the lid, up
     loads = [np.array([0, 8.0 if k < 32 else 2.0, -10, 0, 0, 0, x, 0, x]) for k, x in enumerate(places)]
-    assert at_peak("shear_stress", loads, UP, 0.5).value == pytest.approx(16.0)
-    assert at_peak("normal_stress", loads, UP, 0.5).value == pytest.approx(20.0)
-    assert at_peak("peak_displacement", loads, UP, 0.5).value == pytest.approx(places[:4].mean())
+    assert value_at_peak("shear_stress", loads, UP, 0.5).value == pytest.approx(16.0)
+    assert value_at_peak("normal_stress", loads, UP, 0.5).value == pytest.approx(20.0)
+    assert value_at_peak("peak_displacement", loads, UP, 0.5).value == pytest.approx(places[:4].mean())

@@ -28,7 +28,7 @@ try:
     recording = stream.open_recording(Path(sys.argv[1]), header())
     for frame in range(60):
         stream.log_frame(recording, heap_snapshot(frame), MOVING)
-        stream.flush(recording)
+        stream.flush_recording(recording)
     stream.close(recording)
 except stream.BadInput as error:
     sys.exit(f"told: {error}")

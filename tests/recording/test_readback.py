@@ -13,19 +13,19 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
 from taichi_erosion.recording.export import export_vtk
 from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains
-from taichi_erosion.recording.stream import flush, log_frame
+from taichi_erosion.recording.stream import flush_recording, log_frame
 
 WRITER = """
 import os, signal, sys
 from pathlib import Path
 from recorded_heaps import MOVING, header, heap_snapshot
 from taichi_erosion.recording.export import export_vtk
-from taichi_erosion.recording.stream import flush, log_frame, open_recording
+from taichi_erosion.recording.stream import flush_recording, log_frame, open_recording
 recording = open_recording(Path(sys.argv[1]), header())
 for frame in range(30):
     log_frame(recording, heap_snapshot(frame), MOVING)
     if frame == 24:
-        flush(recording)
+        flush_recording(recording)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -62,7 +62,7 @@ def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
     with recorded(path, header()) as recording:
         for frame in range(6):
             log_frame(recording, heap_snapshot(frame), MOVING)
-            flush(recording)
+            flush_recording(recording)
             sizes.append(part_path(path).stat().st_size)
     whole = path.read_bytes()
     for frame, size in enumerate(sizes):

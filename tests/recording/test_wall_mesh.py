@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.setup import PrimitiveKind
-from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, section_lines, triangulate
+from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, triangulate, wall_cut_lines
 
 
 def mesh(kind: PrimitiveKind, *numbers: float) -> WallMesh:
@@ -45,7 +45,7 @@ def test_a_tube_has_the_area_of_its_polygon():
 
 
 def test_the_cut_of_a_cone_is_its_profile_on_both_sides():
-    cut = section_lines(mesh(PrimitiveKind.REVOLVED, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.01, 0.0, 0.05, 0.08))
+    cut = wall_cut_lines(mesh(PrimitiveKind.REVOLVED, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.01, 0.0, 0.05, 0.08))
     x, z = np.abs(cut[..., 0]), cut[..., 1]
     # the cut lies in the facets: inside the circle by at most the sagitta of a chord
     profile = 0.01 + 0.5 * z

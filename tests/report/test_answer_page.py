@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, single, typo
 
-from taichi_erosion.evidence.answers.files import after_adoption
+from taichi_erosion.evidence.answers.files import with_adoption
 from taichi_erosion.evidence.record import Interval, ParameterPart, RowsPart
 from taichi_erosion.report.answer_figures import rows_by_mark
 from taichi_erosion.report.html import render_template
@@ -39,7 +39,7 @@ PAGES = {
     "typo": {"discover": typo},
     "compared": {"compare": single},
     "curved": {"discover": curved},
-    "refuted": {"discover": after_adoption(single, refuted), "adopt": refuted},
+    "refuted": {"discover": with_adoption(single, refuted), "adopt": refuted},
     "compared_again": {"discover": adopted, "adopt": adopted, "compare": single},
     "unlisted": {"discover": replace(mechanism, effects={})},
 }

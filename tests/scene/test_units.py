@@ -32,7 +32,7 @@ NO_UNITS |= dict.fromkeys("degC wet m/ (m m) () m--2 m99 / €".split(), "")
 def test_a_unit_is_converted_by_its_factor_where_the_kind_is_the_same(source, target, factor):
     # ten digits: factors are products of a few roundings
     wanted = factor and pytest.approx(factor, rel=1e-10)
-    assert units.conversion(units.parse_unit(source), units.parse_unit(target)) == wanted
+    assert units.conversion_factor(units.parse_unit(source), units.parse_unit(target)) == wanted
 
 
 @pytest.mark.parametrize(("text", "hint"), NO_UNITS.items())

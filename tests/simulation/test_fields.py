@@ -10,7 +10,7 @@ from own_effects import acted_on
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, PrimitiveTable, Setup, Surface
 from taichi_erosion.core.ti import impl
-from taichi_erosion.simulation import assemble, energies, export_state, reuse_or_assemble, set_contacts
+from taichi_erosion.simulation import assemble, energy_sums, export_state, reuse_or_assemble, set_contacts
 from taichi_erosion.simulation.assemble import reallocate_fields
 from taichi_erosion.simulation.capacities import initial_capacities
 from taichi_erosion.simulation.step import release_grains_before_start
@@ -108,7 +108,7 @@ def test_room_that_stays_empty_changes_no_bit_of_a_result():
     release_grains_before_start(sim.world)
     assert export_state(sim)["released"].tolist() == start["released"].tolist()
     assert ends(sim, UNTIL) == roomy
-    assert energies(sim).shape[0] == 2
+    assert energy_sums(sim).shape[0] == 2
 
 
 def test_one_worker_and_two_are_given_the_same_kernels():

@@ -63,7 +63,7 @@ def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> li
         set_in(sim, WIND, CALM, until)
     else:
         simulation.advance(sim, [until for _ in replicas])
-    assert not any(simulation.failure(sim, r) for r in replicas)
+    assert not any(simulation.failure_of(sim, r) for r in replicas)
     winds = [simulation.air_profile(sim, r) if blows else None for r in replicas]
     found = [(simulation.snapshot(sim, r), wind) for r, wind in zip(replicas, winds, strict=True)]
     stop_device()
@@ -120,7 +120,7 @@ def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numeri
         simulation.advance(sim, [WHOLE] * 4)
         found.append([simulation.snapshot(sim, r) for r in range(3)])
         assert max(map(distance, want, found[-1])) < FORCES, way
-        *others, reason = (simulation.failure(sim, r) for r in range(4))
+        *others, reason = (simulation.failure_of(sim, r) for r in range(4))
         # a number that is none stops its replica by name
         assert others == [None] * 3
         assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
@@ -220,11 +220,11 @@ def test_a_resumed_run_and_lists_that_grow_change_no_bit():
     simulation.advance(sim, [HALF])
     assert sim.capacities.pairs > short
     state = simulation.export_state(sim)
-    energy = simulation.energies(sim)
+    energy = simulation.energy_sums(sim)
     simulation.advance(sim, [WHOLE])
     end = fingerprint(simulation.snapshot(sim, 0))
     simulation.import_state(sim, state)
-    assert simulation.energies(sim) == pytest.approx(energy, rel=1e-12)
+    assert simulation.energy_sums(sim) == pytest.approx(energy, rel=1e-12)
     simulation.advance(sim, [WHOLE])
     assert fingerprint(simulation.snapshot(sim, 0)) == end
 

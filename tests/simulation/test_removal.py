@@ -90,4 +90,4 @@ def test_a_clump_leaves_with_all_its_spheres(way):
 def test_a_domain_that_no_grain_should_leave_still_stops_the_run():
     sim = simulation.assemble([on_disc(removes=False)], LAWS, Numerics("cpu", 1))
     simulation.advance(sim, [WHOLE])
-    assert simulation.failure(sim, 0).status == Status.LOST
+    assert simulation.failure_of(sim, 0).status == Status.LOST

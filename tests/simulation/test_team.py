@@ -3,7 +3,7 @@
 import pytest
 
 from taichi_erosion.simulation import team as module
-from taichi_erosion.simulation.team import Team, adapt_size, note_launch, spins_most, team_size
+from taichi_erosion.simulation.team import Team, adapt_team_size, most_barrier_spins, record_launch, team_size
 
 LAUNCH = 0.22  # s, beyond the window of a judgement
 
@@ -20,8 +20,8 @@ class Machine:
         for _ in range(round(seconds / LAUNCH)):
             size = team_size(self.team, most)
             self.now += LAUNCH
-            note_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
-            adapt_size(self.team, 1, size, most, late and size > free)
+            record_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
+            adapt_team_size(self.team, 1, size, most, late and size > free)
 
 
 @pytest.mark.parametrize(
@@ -83,5 +83,5 @@ def test_a_result_says_how_many_threads_were_at_work(monkeypatch):
 
 
 def test_a_partner_is_late_after_a_millisecond_or_half_a_step():
-    assert spins_most(0.0) == spins_most(1e4) == module.SPINS
-    assert spins_most(10.0) == pytest.approx(0.05 / module.SPIN_SECONDS)
+    assert most_barrier_spins(0.0) == most_barrier_spins(1e4) == module.SPINS
+    assert most_barrier_spins(10.0) == pytest.approx(0.05 / module.SPIN_SECONDS)

@@ -6,7 +6,7 @@ from taichi_erosion.tables.headings import (
     meaning_of,
     meaning_of_only_angle,
     meaning_of_symbol,
-    qualifiers,
+    qualifying_words,
     read_heading,
     suggest_meaning,
 )
@@ -68,12 +68,12 @@ def check(text: str, meant: str, unit: str) -> None:
     role, name = meaning_of(heading.name)
     name = meaning_of_symbol(heading)[1] if role == "unknown" else name
     assert (name, heading.unit, heading.unreadable, heading.law) == (meant, unit, "", "")
-    assert qualifiers(heading)[0] == ""
+    assert qualifying_words(heading)[0] == ""
 
 
 @pytest.mark.parametrize("text", headings(CHANGED))
 def test_a_word_that_makes_another_quantity_is_seen(text):
-    assert qualifiers(read_heading(text))[0]
+    assert qualifying_words(read_heading(text))[0]
 
 
 @pytest.mark.parametrize("text", headings(UNKNOWN))
@@ -103,7 +103,7 @@ def test_counts_scatter_and_remarks_are_known_in_their_languages():
 
 
 def test_words_that_change_nothing_and_are_not_known_are_told():
-    assert qualifiers(read_heading("mean angle of repose of sand (loess) [deg]")) == ("", "loess")
+    assert qualifying_words(read_heading("mean angle of repose of sand (loess) [deg]")) == ("", "loess")
 
 
 @pytest.mark.parametrize("inside", ["g/m s", "gr/m/s", "kg/m s"])

@@ -5,7 +5,7 @@ from math import atan, degrees, inf, nan
 import pytest
 
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
-from taichi_erosion.tables.spreadsheet import Cells, convert_units, with_one_heading
+from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, with_one_heading
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_an_interval_is_a_single_number_where_its_middle_is_asked_for():
     ],
 )
 def test_a_column_is_written_out(heading, content, wanted):
-    column = convert_units(Cells("f", tuple((k, (text,)) for k, text in enumerate([heading, *content]))))
+    column = apply_number_laws(Cells("f", tuple((k, (text,)) for k, text in enumerate([heading, *content]))))
     for (_, (text,)), value in zip(column.lines, wanted, strict=True):
         if value != value:
             with pytest.raises(CellFault):
@@ -66,12 +66,12 @@ def test_a_column_is_written_out(heading, content, wanted):
     ("heading", "cell", "unit"), [("mesh", "42", "mesh"), ("moisture (% w.b.)", "100", "wet")]
 )
 def test_a_number_that_no_law_turns_has_a_unit_that_nobody_knows(heading, cell, unit):
-    (_, (text,)) = convert_units(Cells("f", ((0, (heading,)), (1, (cell,))))).lines[0]
+    (_, (text,)) = apply_number_laws(Cells("f", ((0, (heading,)), (1, (cell,))))).lines[0]
     assert read_cell(text, comma=False).unit == unit
 
 
 def test_the_scatter_of_a_number_of_a_law_follows_its_slope():
-    (_, (text,)) = convert_units(Cells("f", ((0, ("moisture (% w.b.)",)), (1, ("20 ± 1",))))).lines[0]
+    (_, (text,)) = apply_number_laws(Cells("f", ((0, ("moisture (% w.b.)",)), (1, ("20 ± 1",))))).lines[0]
     assert read_cell(text, comma=False).sd == pytest.approx(1.5625)
 
 
@@ -87,4 +87,4 @@ def test_a_line_above_the_headings_is_a_remark_or_a_part_of_them():
 
 def test_letters_of_a_set_up_are_no_marks():
     cells = Cells("f", ((0, ("sample",)), (1, ("1a",)), (2, ("1b",))))
-    assert convert_units(cells).rows == cells.rows
+    assert apply_number_laws(cells).rows == cells.rows

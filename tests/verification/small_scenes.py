@@ -33,7 +33,7 @@ from taichi_erosion.execution.ensemble_loop import EnsembleRun, run_ensemble
 from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
-from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
+from taichi_erosion.simulation import Simulation, advance, assemble, failure_of, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
 from taichi_erosion.verification.closed_forms import HERTZ, hertz_impact, sample_states, sphere_mass
 from tests.verification.reference.contact import Solid, effective_moduli, series
@@ -229,7 +229,7 @@ def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
 def states(sim: Simulation) -> list[Snapshot]:
     """Snapshots of all replicas; raises RuntimeError where one has failed."""
     for replica in range(len(sim.setups)):
-        if fault := failure(sim, replica):
+        if fault := failure_of(sim, replica):
             raise RuntimeError(f"replica {replica} stopped: {fault}")
     return [snapshot(sim, replica) for replica in range(len(sim.setups))]
 

@@ -133,7 +133,7 @@ def test_beds_are_added_until_a_threshold_is_known(share, told, tmp_path, monkey
     assert len(done) > 3
     for count in range(3, len(done) + 1, 3):
         pooled = as_record(pool_beds([measure(seed) for seed in seeds[:count] if seed != STOPPED]))
-        off = wind_survey.relative_error({"measures": {"fluid_threshold": pooled}}, "fluid_threshold")
+        off = wind_survey.relative_half_width({"measures": {"fluid_threshold": pooled}}, "fluid_threshold")
         assert (off <= 0.05) == (count == len(done)) or told
     assert (len(done) == 39) == told == any("was asked" in line for line in survey_notes(document))
     pooled = as_record(pool_beds([measure(seed) for seed in done if seed != STOPPED]))

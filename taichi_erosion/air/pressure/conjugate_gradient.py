@@ -3,9 +3,9 @@
     A psi = b,    p = z + (r.z / r_before.z_before) p,    a = r.z / p.A p,    psi += a p,    r -= a A p
 
 with A the negative Laplacian of `multigrid`, b and then the residual r in `levels.right_side`, the
-preconditioned residual z in `levels.solution`, p the search direction. `solve` iterates all replicas in
-parallel until the last has converged; a converged one does not change. `solve_replica` does the same for one
-replica on one thread.
+preconditioned residual z in `levels.solution`, p the search direction. `solve_pressure` iterates all replicas
+in parallel until the last has converged; a converged one does not change. `solve_replica_pressure` does the
+same for one replica on one thread.
 
 Reference: Saad (2003), Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 9.1.
 """
@@ -60,7 +60,7 @@ def set_direction(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def set_curvature(air_out: ti.template(), r, i, j):
+def set_matrix_product(air_out: ti.template(), r, i, j):
     """A p in one column, and its product with p."""
     (krylov_out,) = ti.static((air_out.krylov,))
     total, c = real(0.0), i * air_out.cells[1] + j
@@ -102,7 +102,7 @@ def worst_cell_divergence(air: ti.template(), r):
 
 
 @ti.func
-def solve_replica(air_out: ti.template(), r):
+def solve_replica_pressure(air_out: ti.template(), r):
     """The solve of one replica on one thread; returns its worst cell [1]."""
     air_out.krylov.residual_product[r] = 0.0
     worst, rounds = worst_cell_divergence(air_out, r), 0
@@ -111,7 +111,7 @@ def solve_replica(air_out: ti.template(), r):
         apply_to_columns(sum_residual_product, air_out, r, r + 1)
         set_direction_weight(air_out, r)
         apply_to_columns(set_direction, air_out, r, r + 1)
-        apply_to_columns(set_curvature, air_out, r, r + 1)
+        apply_to_columns(set_matrix_product, air_out, r, r + 1)
         set_step_length(air_out, r)
         apply_to_columns(update_solution, air_out, r, r + 1)
         worst = worst_cell_divergence(air_out, r)
@@ -140,7 +140,7 @@ def largest_of_columns(worst: ti.template()) -> ti.f64:
     return largest
 
 
-def solve(air: Air, tolerance: float = TOLERANCE) -> int:
+def solve_pressure(air: Air, tolerance: float = TOLERANCE) -> int:
     """Psi of all replicas for the right-hand side on the finest level; returns the iterations.
 
     Raises SimulationStopped where the flow has blown up or the solve does not converge.
@@ -156,7 +156,7 @@ def solve(air: Air, tolerance: float = TOLERANCE) -> int:
         apply_to_all_columns(sum_residual_product, air)
         apply_to_all_replicas(set_direction_weight, air)
         apply_to_all_columns(set_direction, air)
-        apply_to_all_columns(set_curvature, air)
+        apply_to_all_columns(set_matrix_product, air)
         apply_to_all_replicas(set_step_length, air)
         apply_to_all_columns(update_solution, air)
         worst = largest_of_columns(air.krylov.column_worst)

@@ -52,7 +52,7 @@ class MultigridLevels:
     residual: Any  # [m3 s-1]
 
 
-def merged_cells(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int, int]:
+def merge_factors(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int, int]:
     """Cells that merge along x and y: two where their number is even and they are not already the wider."""
     can_x, can_y = nx % 2 == 0, ny % 2 == 0
     by_x = can_x and (width_x <= WIDTH_RATIO_MOST * width_y or ny == 1)
@@ -69,7 +69,7 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
     periodic_x, periodic_y = (setup.sides[name].kind == "periodic" for name in ("x_low", "y_low"))
     rows, by_x, by_y = list[tuple[int, int, int, int]](), 0, 0
     while not by_x == by_y == 1:
-        by_x, by_y = merged_cells(nx, ny, width_x, width_y)
+        by_x, by_y = merge_factors(nx, ny, width_x, width_y)
         if (periodic_x and nx > 1 and nx % 2) or (periodic_y and ny > 1 and ny % 2):
             by_x, by_y = 1, 1  # two colours do not fit an odd period
         rows.append((nx, ny, by_x, by_y))
@@ -118,7 +118,7 @@ def neighbour_sum(levels: ti.template(), values: ti.template(), r, c, beside, k)
 
 
 @ti.func
-def diagonal(levels: ti.template(), r, c, beside, k):
+def matrix_diagonal(levels: ti.template(), r, c, beside, k):
     """Sum of all conductances of a cell [m]."""
     total = levels.conductance_x[r, c, k] + levels.conductance_x[r, beside[1], k]
     total += levels.conductance_y[r, c, k] + levels.conductance_y[r, beside[3], k]
@@ -129,7 +129,7 @@ def diagonal(levels: ti.template(), r, c, beside, k):
 @ti.func
 def negative_laplacian(levels: ti.template(), values: ti.template(), r, c, beside, k):
     """Minus the left-hand side of the pressure equation: positive definite."""
-    total = diagonal(levels, r, c, beside, k) * values[r, c, k]
+    total = matrix_diagonal(levels, r, c, beside, k) * values[r, c, k]
     total -= neighbour_sum(levels, values, r, c, beside, k)
     if k > 0:
         total -= levels.conductance_z[r, c, k] * values[r, c, k - 1]
@@ -165,7 +165,7 @@ def factor_line(levels_out: ti.template(), level, r, i, j):
     c, neighbours = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     below = real(0.0)
     for k in range(levels_out.right_side.shape[2]):
-        here = diagonal(levels_out, r, c, neighbours, k)
+        here = matrix_diagonal(levels_out, r, c, neighbours, k)
         here += SHIFT * here  # not times 1 + SHIFT, which single precision rounds to 1
         lower = levels_out.conductance_z[r, c, k]
         below = 1.0 / (here - lower * lower * below)
@@ -256,7 +256,7 @@ def restrict_line(levels_out: ti.template(), level, r, i, j):
 
 
 @ti.func
-def second_parent(fine, coarse_cells, merged, is_periodic: ti.template()):
+def second_coarse_cell(fine, coarse_cells, merged, is_periodic: ti.template()):
     """The second coarse cell that a fine cell is interpolated from; at a closed end the first again."""
     other = fine // merged
     if merged == 2:
@@ -274,8 +274,8 @@ def prolong_line(levels_out: ti.template(), level, r, i, j):
     fine_x, fine_y = levels_out.shape[level, 1], levels_out.shape[level, 2]
     by_x, by_y = levels_out.shape[level, 3], levels_out.shape[level, 4]
     c = column_of(levels_out, level, i, j)
-    east = second_parent(i, fine_x // by_x, by_x, levels_out.periodic_x)
-    north = second_parent(j, fine_y // by_y, by_y, levels_out.periodic_y)
+    east = second_coarse_cell(i, fine_x // by_x, by_x, levels_out.periodic_x)
+    north = second_coarse_cell(j, fine_y // by_y, by_y, levels_out.periodic_y)
     west, south = i // by_x, j // by_y
     column = column_of(levels_out, level + 1, west, south)
     coarse_column = column_of(levels_out, level + 1, east, south)
@@ -301,7 +301,7 @@ def sweep_symmetrically(levels_out: ti.template(), level, sweeps, r):
         )
 
 
-def coarsest_sweeps(levels: MultigridLevels) -> int:
+def coarsest_sweep_count(levels: MultigridLevels) -> int:
     """Number of symmetric sweeps on the coarsest level."""
     longer = levels.columns[-1]
     return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
@@ -341,7 +341,7 @@ def cycle_replica(levels_out: ti.template(), r):
         apply_to_lines(set_residual, True, levels_out, level, r, r + 1)
         apply_to_lines(restrict_line, True, levels_out, level + 1, r, r + 1)
     apply_to_lines(clear_line, True, levels_out, last, r, r + 1)
-    sweep_symmetrically(levels_out, last, ti.static(coarsest_sweeps(levels_out)), r)
+    sweep_symmetrically(levels_out, last, ti.static(coarsest_sweep_count(levels_out)), r)
     for up in range(last):
         apply_to_lines(prolong_line, True, levels_out, last - 1 - up, r, r + 1)
         relax_level(True, levels_out, last - 1 - up, 1, r, r + 1)
@@ -385,7 +385,7 @@ def cycle(levels: MultigridLevels) -> None:
         apply_to_all_lines(set_residual, levels.serial[level], level, levels)
         apply_to_all_lines(restrict_line, levels.serial[level + 1], level + 1, levels)
     apply_to_all_lines(clear_line, levels.serial[last], last, levels)
-    sweep_coarsest(last, coarsest_sweeps(levels), levels)
+    sweep_coarsest(last, coarsest_sweep_count(levels), levels)
     for level in reversed(range(last)):
         apply_to_all_lines(prolong_line, levels.serial[level], level, levels)
         relax_all_lines(levels.serial[level], level, 1, levels)

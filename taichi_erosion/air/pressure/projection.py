@@ -12,7 +12,7 @@ Reference: Chorin (1968), Math. Comput. 22, 745; van Kan (1986), SIAM J. Sci. St
 """
 
 from taichi_erosion.air.grid import Air, apply_stage_to_all_columns, apply_stage_to_columns
-from taichi_erosion.air.momentum import UNIT, drag_rate, face_void, is_unknown, volume_flux
+from taichi_erosion.air.momentum import UNIT, drag_rate, face_flux, face_void_fraction, is_velocity_unknown
 from taichi_erosion.air.pressure.multigrid import (
     apply_to_all_lines,
     apply_to_lines,
@@ -31,14 +31,14 @@ def projection_factor(air: ti.template(), r, i, j, k, axis: ti.template(), time)
     value = real(1.0)
     if ti.static(air.model.exchange):
         drag = drag_rate(air, r, i, j, k, axis)
-        value = 1.0 / (1.0 + time * drag / face_void(air, r, i, j, k, axis))
+        value = 1.0 / (1.0 + time * drag / face_void_fraction(air, r, i, j, k, axis))
     return value
 
 
 @ti.func
 def mobility(air: ti.template(), r, i, j, k, axis: ti.template(), time):
     """Change of volume flux through a face over the gradient of psi that causes it [1]."""
-    return projection_factor(air, r, i, j, k, axis, time) * face_void(air, r, i, j, k, axis)
+    return projection_factor(air, r, i, j, k, axis, time) * face_void_fraction(air, r, i, j, k, axis)
 
 
 @ti.func
@@ -46,7 +46,7 @@ def horizontal_conductance(air: ti.template(), r, i, j, k, axis: ti.template(), 
     """Conductance of the low face of a cell along x or y [m]; 0 on a side."""
     value = real(0.0)
     if ti.static(air.cells[axis] > 1):
-        if is_unknown(air, i, j, axis):
+        if is_velocity_unknown(air, i, j, axis):
             width = air.numbers.width[r]
             value = mobility(air, r, i, j, k, axis, time) * width[1 - axis] * air.height[r, k] / width[axis]
     return value
@@ -109,7 +109,7 @@ def low_face_flow(air: ti.template(), r, i, j, k, axis: ti.template()):
     area = width[0] * width[1]
     if ti.static(axis < 2):
         area = width[1 - axis] * air.height[r, k]
-    return volume_flux(air, r, i, j, k, axis) * area
+    return face_flux(air, r, i, j, k, axis) * area
 
 
 @ti.func
@@ -143,7 +143,7 @@ def sum_over_columns(air: ti.template(), r):
 
 
 @ti.func
-def set_right_side(air_out: ti.template(), r, i, j):
+def set_right_hand_side(air_out: ti.template(), r, i, j):
     """Right-hand side of the pressure equation in one column; the solution starts at 0."""
     (krylov_out,) = ti.static((air_out.krylov,))
     worst, total, c = real(0.0), real(0.0), i * air_out.cells[1] + j
@@ -178,7 +178,7 @@ def subtract_gradient(air_out: ti.template(), r, cell, axis: ti.template(), slop
 
 
 @ti.func
-def correct_outlets(air_out: ti.template(), r, i, j, k, here, time):
+def correct_outlet_velocity(air_out: ti.template(), r, i, j, k, here, time):
     """Velocities on outlets beside a cell, where psi is zero."""
     if ti.static(air_out.kinds["x_high"] == "outlet"):
         if i == air_out.cells[0] - 1:
@@ -191,7 +191,7 @@ def correct_outlets(air_out: ti.template(), r, i, j, k, here, time):
 
 
 @ti.func
-def correct_column(air_out: ti.template(), r, i, j, share):
+def correct_column_velocity(air_out: ti.template(), r, i, j, share):
     """Velocities on the low faces of one column less the gradient of psi, and its pressure."""
     (psi,) = ti.static((air_out.krylov.psi,))
     width, time = air_out.numbers.width[r], share * air_out.numbers.time_step[r]
@@ -199,12 +199,12 @@ def correct_column(air_out: ti.template(), r, i, j, share):
     for k in range(air_out.cells[2]):
         here, cell = psi[r, c, k], ti.Vector([i, j, k])
         for axis, low in ti.static(((0, 0), (1, 2))):  # west, south
-            if is_unknown(air_out, i, j, axis):
+            if is_velocity_unknown(air_out, i, j, axis):
                 slope = (here - psi[r, neighbours[low], k]) / width[axis]
                 subtract_gradient(air_out, r, cell, axis, slope, time)
         if k > 0:
             gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
             subtract_gradient(air_out, r, cell, 2, (here - psi[r, c, k - 1]) / gap, time)
-        correct_outlets(air_out, r, i, j, k, here, time)
+        correct_outlet_velocity(air_out, r, i, j, k, here, time)
         rise = here * air_out.numbers.density[r] / time
         air_out.pressure[r, i, j, k] = air_out.pressure[r, i, j, k] + rise

@@ -12,7 +12,7 @@ from math import pi
 
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.drag import sphere_rate
-from taichi_erosion.coupling.drag.schiller_naumann import standard_drag
+from taichi_erosion.coupling.drag.schiller_naumann import coefficient_times_slip
 
 DENSE = 0.8  # void fraction below which Ergun's equation holds [1]
 VOID_LEAST = 0.2  # below any packing of spheres: keeps Ergun's term finite in cells that grains overfill [1]
@@ -23,7 +23,7 @@ def drag_rate(slip, radius, mass, density, viscosity, void):
     """Rate of drag on a sphere in a bed or above it [s-1]."""
     diameter = 2.0 * radius
     share = ti.max(void, VOID_LEAST)
-    dilute = sphere_rate(standard_drag(share * slip, diameter, viscosity), radius, mass, density)
+    dilute = sphere_rate(coefficient_times_slip(share * slip, diameter, viscosity), radius, mass, density)
     rate = dilute * share**-2.65
     if share < DENSE:
         solid = 1.0 - share

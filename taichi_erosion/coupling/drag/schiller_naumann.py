@@ -12,7 +12,7 @@ NEWTON = 0.44  # drag coefficient of a sphere at high Reynolds number [1]
 
 
 @ti.func
-def standard_drag(slip, diameter, viscosity):
+def coefficient_times_slip(slip, diameter, viscosity):
     """C_D s of the standard drag curve [m s-1]."""
     reynolds = ti.max(slip, SLIP_LEAST) * diameter / viscosity
     curved = 24.0 * viscosity / diameter * (1.0 + 0.15 * reynolds**0.687)
@@ -22,4 +22,4 @@ def standard_drag(slip, diameter, viscosity):
 @ti.func
 def drag_rate(slip, radius, mass, density, viscosity, void):
     """Rate of drag on a sphere alone [s-1]."""
-    return sphere_rate(standard_drag(slip, 2.0 * radius, viscosity), radius, mass, density)
+    return sphere_rate(coefficient_times_slip(slip, 2.0 * radius, viscosity), radius, mass, density)

@@ -10,10 +10,10 @@ import numpy as np
 from taichi_erosion.campaign.ledger import close_ledger
 from taichi_erosion.campaign.study_file import read_calibration_study, read_study_file
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
-from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
+from taichi_erosion.evidence.answers.set_up import stale_faults, table_faults
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.rows import Faults
-from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
+from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, cost_in_words, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
 from taichi_erosion.execution.checks import read_scene
@@ -40,13 +40,13 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
     study = load_study(path, options)
     examined = [faults.of(examine_file, each) for each in study.effect_files]
     faults.raise_if_any()
-    return study_check_document(study) | {"effects": examined}
+    return check_document(study) | {"effects": examined}
 
 
-def study_check_document(study: Study) -> Document:
+def check_document(study: Study) -> Document:
     """What was found, as a document."""
     measurements = study.problem.measurements
-    faults = (*table_faults(study.problem), *source_faults(study))
+    faults = (*table_faults(study.problem), *stale_faults(study))
     return {
         "study": str(study.path),
         "kind": "evidence",
@@ -78,7 +78,7 @@ def discovery_cost(study: Study) -> dict[str, Any]:
     for name in PLANS:
         planned = initial_training_runs(study, effects, name)
         if planned is None:
-            sentence = function_cost(study, len(effects))
+            sentence = cost_in_words(study, len(effects))
             return {"full": {"sentence": sentence}} if sentence else {}
         cost = plan_cost_without_new_ledger(planned)
         document[name] = {"sentence": cost.cost_text, "core_minutes": cost.seconds * cost.workers / MINUTE}

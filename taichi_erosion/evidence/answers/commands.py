@@ -1,6 +1,6 @@
 """Commands of the evidence loop: a study file in, a reply out, which is stored in the results folder.
 
-All of them condition the same race: `summary` makes its record, each command adds what it was asked for.
+All of them condition the same race: `race_record` makes its record, each command adds what it was asked for.
 """
 
 from collections import defaultdict
@@ -26,14 +26,14 @@ from taichi_erosion.evidence.answers.rounds import (
 from taichi_erosion.evidence.answers.set_up import (
     blocks_verdict,
     refuse_unknown_scatter,
-    source_faults,
+    stale_faults,
     table_faults,
     unit_faults,
 )
-from taichi_erosion.evidence.answers.summary import mechanism_parts, summary
+from taichi_erosion.evidence.answers.summary import mechanism_parts, race_record
 from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_openings
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
-from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
+from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength_path
 from taichi_erosion.evidence.models.adopted_files import Adoption, refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
@@ -46,7 +46,7 @@ from taichi_erosion.evidence.models.load_study import (
 from taichi_erosion.evidence.race.decision import decide_cause, sensitivity
 from taichi_erosion.evidence.race.dose_laws import dose_law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
-from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
+from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict_hypotheses
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
@@ -67,7 +67,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
         refuse_unknown_scatter(study)
-        study = replace(study, faults=(*study.faults, *source_faults(study), *table_faults(study.problem)))
+        study = replace(study, faults=(*study.faults, *stale_faults(study), *table_faults(study.problem)))
         try:
             yield study
         finally:
@@ -78,9 +78,9 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     """Where the model fails if nothing is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = Question("compare", bare, lambda inference: [inference.about_bare], most_points=1)
+        question = Question("compare", bare, lambda inference: [inference.bare_point], most_points=1)
         bare_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
-        record = summary(restrict(bare_inference.posterior.race, lambda h: not h.acting))
+        record = race_record(restrict_hypotheses(bare_inference.posterior.race, lambda h: not h.acting))
         record = replace(record, **vars(bare_inference.decision.decision_record))
         return store_reply(ready, "compare", bare_inference, record, start)
 
@@ -99,7 +99,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
             and adopted.about["digest"] == study.digest[:12]
             and not blocks_verdict(ready.faults)
         ):
-            record = files.after_adoption(record, adopted.record)
+            record = files.with_adoption(record, adopted.record)
         return store_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
 
 
@@ -117,7 +117,7 @@ def adopt_study(
         refuse_foreign_files(study, effects, options.force)
 
         def both_points(inference: StudyInference) -> list[Any]:
-            return inference.about(
+            return inference.points_at(
                 inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best_fit
             )
 
@@ -129,7 +129,7 @@ def adopt_study(
             opened = count_opening(study.results, study.vault_digest, "+".join(effects))
         record = replace(record, vault=record.vault and replace(record.vault, opened=opened))
         names, numbers = record.named, dict[str, Interval](record.parameters)
-        earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
+        earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength_path(path)}
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
         strengths |= {name: record.effects[name].strength_range for name in names}
         paths = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
@@ -150,7 +150,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         laboratory = Laboratory(**study.file.laboratory.model_dump())
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
         experiments = proposals(inference.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
-        record = replace(summary(inference.posterior), next_experiments=experiments)
+        record = replace(race_record(inference.posterior), next_experiments=experiments)
         return store_reply(ready, "next", inference, record, start)
 
 
@@ -182,7 +182,7 @@ def discover_record(inference: StudyInference) -> Record:
     other = defaultdict[str, list[DecisionPart]](list)
     for prior, _, decision in sensitivity(posterior, answer):
         other[prior].append(decision.decision_record)
-    record = replace(summary(posterior, answer), fresh_runs=inference.fresh, sensitivity=dict(other))
+    record = replace(race_record(posterior, answer), fresh_runs=inference.fresh, sensitivity=dict(other))
     record = replace(record, mechanisms=mechanism_parts(record, dose_law_of_decision(posterior, answer)))
     doubted = (*record.named, *record.group)
     if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
@@ -194,7 +194,7 @@ def adoption_record(posterior: Posterior, effects: Sequence[str], seed: int) -> 
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     conditioned = condition_on_effects(posterior, effects)
     acting = {"verdict": "present", "named": tuple(effects), "group": ()}
-    record = summary(conditioned, replace(decide_cause(conditioned), acting_mechanisms=(), **acting))
+    record = race_record(conditioned, replace(decide_cause(conditioned), acting_mechanisms=(), **acting))
     before = vars(decide_cause(posterior).decision_record) | acting | {"acting_mechanisms": ()}
     return replace(record, **before, vault=held_out_part(conditioned, effects, seed))
 

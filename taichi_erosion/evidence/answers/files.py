@@ -104,7 +104,7 @@ def study_fields(study: Study) -> Document:
     }
 
 
-def after_adoption(record: Record, adopted: Record) -> Record:
+def with_adoption(record: Record, adopted: Record) -> Record:
     """A discovery that knows what `adopt` has found of what it names: a name that is refuted is not given."""
     effects, unseen = record.named, adopted.vault
     if unseen is None or set(unseen.adopted) != set(effects):

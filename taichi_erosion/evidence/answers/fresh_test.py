@@ -31,20 +31,15 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import condition_cells
+from taichi_erosion.evidence.data.comparison_rows import condition_groups
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
 from taichi_erosion.evidence.emulator.design import Setting
-from taichi_erosion.evidence.emulator.fresh_runs import (
-    MOST_CONDITIONS,
-    FreshCampaign,
-    FreshRuns,
-    FreshSimulator,
-)
+from taichi_erosion.evidence.emulator.fresh_runs import MOST_SETS, FreshCampaign, FreshRuns, FreshSimulator
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
-from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis, Race, log_joint
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
@@ -74,7 +69,8 @@ class Kind:
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
         at, has_run = self.fits[0], np.isfinite(mean)[:, np.newaxis]
-        errors, emulator = self.race.model.errors(at.hypothesis.names, at.v, at.row_doses_of), self.emulator
+        errors = self.race.model.errors(at.hypothesis.names, at.v, at.row_doses_of)
+        emulator = self.emulator_errors
         before = self.race.prepared.rows.shared.shape[1]
         errors[:, before : before + emulator.shape[1]] = np.where(has_run, 0.0, emulator)
         mean, columns = np.where(has_run[:, 0], mean, at.mean), np.where(has_run, columns, 0.0)
@@ -91,32 +87,32 @@ class Kind:
     def simulated_share_of_change(self, mean: Floats, columns: Floats) -> float:
         """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
-        without = prepared.predictor.mean(setting_at(self.race, at)[0], {}, prepared.seeds.fitting)
-        action, white = prepared.whiten(at.mean - without - model.shift), prepared.whiten(columns)
+        base = prepared.predictor.mean(numbers_at(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
+        action, white = prepared.whiten(at.mean - base), prepared.whiten(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
         return float(1.0 + along @ prepared.whiten(mean - at.mean) / (1.0 + along @ action))
 
     @property
-    def emulator(self) -> Floats:
+    def emulator_errors(self) -> Floats:
         """Errors of the emulator (n, q)."""
         at = self.fits[0]
-        return self.race.prepared.predictor.error_factor(*setting_at(self.race, at), at.row_doses_of)
+        return self.race.prepared.predictor.error_factor(*numbers_at(self.race, at), at.row_doses_of)
 
     def null_evidence_draws(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
         has_run = np.isfinite(runs.row_means)
         mean, prepared = np.where(has_run, self.fits[0].mean, np.nan), self.race.prepared
-        columns = prepared.whiten(np.hstack([runs.columns, self.emulator]))
+        columns = prepared.whiten(np.hstack([runs.columns, self.emulator_errors]))
         columns[~has_run | prepared.rows.censored] = 0.0
         s = random.standard_normal((DRAWS, columns.shape[1]))
         logs = []
         for fit in self.refit_with_runs(mean, runs.columns):
             along, gram = fit.evidence.solution.project(columns)
-            logs.append(log_weight_of(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
+            logs.append(log_joint(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
         return np.logaddexp.reduce(logs, axis=0)
 
 
-def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
+def numbers_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
     """Calibrated numbers on their axes, and strengths."""
     model = race.model
     return model.axis_numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
@@ -124,7 +120,7 @@ def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
 
 def run_setting(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
-    setting = race.prepared.predictor.parameters_and_strengths(*setting_at(race, fit))
+    setting = race.prepared.predictor.parameters_and_strengths(*numbers_at(race, fit))
     numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in setting)
     if fit.dose is None:
         return Setting(numbers, acting)
@@ -139,9 +135,9 @@ def run_setting(race: Race, fit: Fit) -> Setting:
     return Setting(numbers, {**acting, **top}, [*unique.values()], fit.hypothesis.along)
 
 
-def log_total(fits: Sequence[Fit]) -> float:
+def log_sum(fits: Sequence[Fit]) -> float:
     """Ln of prior times evidence of all of some explanations."""
-    return float(np.logaddexp.reduce([log_weight_of(fit) for fit in fits]))
+    return float(np.logaddexp.reduce([log_joint(fit) for fit in fits]))
 
 
 def confirms(decision: Decision, hypothesis: Hypothesis) -> bool:
@@ -158,16 +154,16 @@ def answer_and_rivals(race: Race, decision: Decision) -> list[Kind]:
         kinds["answer" if confirms(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
     classes = []
     for fits in kinds.values():
-        able = sorted((each for each in fits if each.is_optimum), key=log_weight_of, reverse=True)
+        able = sorted((each for each in fits if each.is_optimum), key=log_joint, reverse=True)
         if able:
             names = able[0].hypothesis.names
             alike = tuple(f for f in able if f.hypothesis.names == names and f.dose is None)
             alike = alike if able[0].dose is None else (able[0],)
-            classes.append(Kind(race, log_total(fits), alike))
+            classes.append(Kind(race, log_sum(fits), alike))
     return classes
 
 
-def fresh_test(
+def run_fresh_test(
     posterior: Posterior, decision: Decision, simulate: Simulate, progress: Progress
 ) -> tuple[FreshPart, frozenset[str]]:
     """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
@@ -203,14 +199,14 @@ def fresh_test_record(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPa
     """What is told of an answer by some fresh runs."""
     race = kinds[0].race
     each, none = list(zip(kinds, campaign.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
-    evidence = np.array([log_total(kind.refit_with_runs(none, run.columns)) for kind, run in each])
-    simulated = np.array([log_total(kind.refit_with_runs(run.row_means, run.columns)) for kind, run in each])
+    evidence = np.array([log_sum(kind.refit_with_runs(none, run.columns)) for kind, run in each])
+    simulated = np.array([log_sum(kind.refit_with_runs(run.row_means, run.columns)) for kind, run in each])
     random = np.random.default_rng(SEED)
     right = np.transpose([kind.null_evidence_draws(run, random) for kind, run in each])
-    before, after = (float(chance(kinds, logs - evidence)) for logs in (evidence, simulated))
+    before, after = (float(kind_chance(kinds, logs - evidence)) for logs in (evidence, simulated))
     rival = next((k for k, kind in enumerate(kinds) if k and kind.acting), 0)
-    other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
-    p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
+    other = float(kind_chance(kinds, simulated - evidence, rival)) if rival else 0.0
+    p, gap = float(np.mean(kind_chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
     few = campaign.failures > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
@@ -231,7 +227,7 @@ def most_discriminating_rows(race: Race, campaign: FreshCampaign) -> Integers:
     error = np.sum(one.columns**2, axis=1) + np.sum(other.columns**2, axis=1)
     gap, measured = (one.row_means - other.row_means) ** 2, race.prepared.row_sd**2
     gain = np.nan_to_num(gap / (measured + 0.5 * error) - gap / (measured + error))
-    cells = condition_cells(race.prepared.rows)
+    cells = condition_groups(race.prepared.rows)
     return np.flatnonzero(cells == cells[int(np.argmax([gain[cells == cell].sum() for cell in cells]))])
 
 
@@ -264,7 +260,7 @@ def simulate_untrained_rows(
     tells its own scatter, so that what is said of it does not depend on the others.
     """
     race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
-    point, keys, cells = run_setting(race, race.bare), frozenset[str](), condition_cells(rows)
+    point, keys, cells = run_setting(race, race.bare), frozenset[str](), condition_groups(rows)
     new = untrained_rows(simulator, predictor, point)[race.prepared.rows.size :]
     sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
     mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]
@@ -276,8 +272,8 @@ def simulate_untrained_rows(
         counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
         return counting.simulate_settings([point], requests, np.ones(row_numbers.size), progress)
 
-    for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
-        simulate_rows(np.concatenate(sets[first : first + MOST_CONDITIONS]))
+    for first in range(0, len(sets), MOST_SETS):  # together; what follows finds them in the ledger
+        simulate_rows(np.concatenate(sets[first : first + MOST_SETS]))
     for cell_rows in sets:
         if runs := (campaign := simulate_rows(cell_rows)).runs:
             mean[cell_rows], keys = runs[0].row_means, keys | campaign.keys
@@ -289,7 +285,7 @@ def simulate_untrained_rows(
 
 def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:
     """Rows of a predictor at conditions of which no run trained the emulator, if these can change a run."""
-    untrained, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
+    is_new, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
 
     def overrides_of(scene: Path, at: Numbers) -> tuple[str, ...]:
@@ -298,14 +294,12 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     pairs = {(run.scene, overrides_of(run.scene, run.at)) for run in training.runs}
     for observable, rows, conditions_of in predictor.row_requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
-        columns = mapping.model_conditions(conditions_of)
-        untrained[rows] = [
-            (scene, overrides_of(scene, row_at(columns, k))) not in pairs for k in range(rows.size)
-        ]
-    return untrained
+        given = mapping.model_conditions(conditions_of)
+        is_new[rows] = [(scene, overrides_of(scene, row_at(given, k))) not in pairs for k in range(rows.size)]
+    return is_new
 
 
-def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
+def kind_chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
     """Probability of one kind, by default the answer, after a change (..., kinds) of the evidence of each."""
     weights = np.array([kind.log_weight for kind in kinds]) + change
     return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))

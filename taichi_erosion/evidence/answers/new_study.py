@@ -22,14 +22,14 @@ from taichi_erosion.evidence.answers.scene_templates import (
     TEMPLATES,
     CalibratedNumber,
     Template,
-    contact_table,
+    friction_numbers,
     least_grain_count,
     paths_of_place,
     scene_text,
     templates_for,
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, write_study_files
-from taichi_erosion.evidence.data.measured import read_rows, unusual_cells, value_faults, with_limits
+from taichi_erosion.evidence.data.measured import add_detection_limits, read_rows, unusual_notes, value_faults
 from taichi_erosion.evidence.data.tables.column_roles import (
     AIR,
     CONDITION,
@@ -39,7 +39,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Interview,
     TableOptions,
     can_be_of_any_size,
-    refuse_other,
+    refuse_other_answer,
 )
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.models import reduced
@@ -56,9 +56,9 @@ from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
     KINDS,
-    best_word,
+    longest_word,
     meaning_of,
-    qualifiers,
+    qualifying_words,
     read_heading,
     suggest_meaning,
     unit_in,
@@ -139,7 +139,7 @@ def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal:
     content = closed_form_study_content(request) if wishes.closed_form else scene_study_content(request)
     titles = {each.heading.name: each.name for each in measured.columns if each.name in content.observables}
     codes = {titles.get(name, name): text for name, text in wishes.between_codes.items()}
-    content = replace(content, shared={name: shared_error(name, codes[name], content) for name in codes})
+    content = replace(content, shared={k: shared_error_entry(k, codes[k], content) for k in codes})
     for name, text in wishes.measured.items():
         content = replace(content, parameters=set_measured_numbers(content.parameters, name, text))
     files = StudyFiles(
@@ -161,7 +161,7 @@ def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal:
     }
 
 
-def shared_error(name: str, text: str, content: Content) -> str:
+def shared_error_entry(name: str, text: str, content: Content) -> str:
     """Entry of the error that all rows of an observable share with another code. Raises BadInput."""
     if name not in content.observables or name not in OBSERVED:
         raise BadInput(f"--between-codes {name}: is none of {', '.join(content.observables)}")
@@ -212,9 +212,9 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
     faults.raise_if_any()
     assert measured is not None
     for name, allowed in ranges:
-        for words in unusual_cells(measured, name, allowed):
+        for words in unusual_notes(measured, name, allowed):
             interview.assume(words)
-    return with_limits(measured, interview)
+    return add_detection_limits(measured, interview)
 
 
 def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
@@ -243,7 +243,7 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
 
 def path_of_tidy_column(column: Column, options: TableOptions) -> str:
     """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
-    if qualifiers(column.heading)[0]:
+    if qualifying_words(column.heading)[0]:
         return ""
     unknown = options.reads is not None and not suggest_meaning(column.name)  # residuals are tested along it
     return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
@@ -280,7 +280,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for heading in (column.heading for column in table.columns if column.unread):
-            if heading.unit in GRAIN_UNITS and not best_word(heading.name, *KINDS, "roles", "others")[0]:
+            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")
@@ -289,7 +289,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     entries += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
     for name, text, place, unit, example in entries:
         if text is not None:
-            value = stated_of_grains(f"--{name}", text, place, unit, example)
+            value = stated_number_of(f"--{name}", text, place, unit, example)
             value, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
             rows = tuple(replace(row, conditions=(*row.conditions, value)) for row in table.rows)
             names, units = (*table.conditions, name), (*table.units, unit)
@@ -348,7 +348,7 @@ def choose_apparatus(observable: str, request: StudyRequest) -> str:
         return possible[0]
     words = "; ".join(f"{name}: {TEMPLATES[name].words}" for name in possible)
     meaning = f"{observable} is taken as measured with {TEMPLATES[possible[0]].words} (--apparatus)"
-    check = partial(refuse_other, what=observable, allowed=possible)
+    check = partial(refuse_other_answer, what=observable, allowed=possible)
     return request.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning, check)
 
 
@@ -357,7 +357,7 @@ def apparatus_scene_text(request: StudyRequest, key: str, names: Sequence[str]) 
     template, file, assume = TEMPLATES[key], request.table.file, request.interview.assume
     diameters, density = grain_diameters(request, template), None
     if request.wishes.density is not None:
-        density = stated_of_grains("--density", request.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
+        density = stated_number_of("--density", request.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
     used = [row for row in request.table.rows if row.observable in names and isfinite(row.value)]
     scales = [scale_between(row.unit, parse_unit("deg")) for row in used]
     angles = [scale.to_use(row.value) for row, scale in zip(used, scales, strict=True) if scale is not None]
@@ -392,17 +392,17 @@ def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
             return [scale.to_use(each) for each in values]
     usual = f"{1e3 * template.diameter:g} mm"
     answer = diameter or ask_diameter(interview, usual)
-    return [stated_of_grains("--diameter", answer, DIAMETER, "m", usual)]
+    return [stated_number_of("--diameter", answer, DIAMETER, "m", usual)]
 
 
 def ask_diameter(interview: Interview, usual: str) -> str:
     """Diameter of the grains, where no column states it."""
     meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-    check = partial(stated_of_grains, "--diameter", place=DIAMETER, unit="m", example=usual)
+    check = partial(stated_number_of, "--diameter", place=DIAMETER, unit="m", example=usual)
     return interview.choice("Grain diameter with its unit", usual, meaning, check)
 
 
-def stated_of_grains(option: str, said: str, place: str, unit: str, example: str) -> float:
+def stated_number_of(option: str, said: str, place: str, unit: str, example: str) -> float:
     """A number of the grains as the user states it, in a unit. Raises BadInput outside what scenes allow."""
     value, allowed = stated_number(said, unit, option, example), range_at(place)
     if allowed is not None and not allowed.is_possible(value):
@@ -474,7 +474,9 @@ def template_of_own_scene(file: Path, request: StudyRequest) -> Template:
         words="your own scene",
         observables=tuple(scene.measure),
         changes=lambda diameter, grains: {},
-        parameters=contact_table(pair, pair_contact.friction_sliding, pair_contact.friction_rolling or None),
+        parameters=friction_numbers(
+            pair, pair_contact.friction_sliding, pair_contact.friction_rolling or None
+        ),
         grains=0,
         diameter=0.0,
         varies=isinstance(size, Monodisperse),

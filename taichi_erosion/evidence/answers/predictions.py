@@ -20,10 +20,10 @@ from taichi_erosion.evidence.answers.commands import bare as without_candidates
 from taichi_erosion.evidence.answers.commands import common_answer_fields, open_study
 from taichi_erosion.evidence.answers.files import Document
 from taichi_erosion.evidence.answers.rounds import Question, answer_question, plans_to_try
-from taichi_erosion.evidence.data.held_out_rows import COUNTER, count_opening, read_counter, vault_openings
+from taichi_erosion.evidence.data.held_out_rows import COUNTER, count_opening, read_openings, vault_openings
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, pick_rows
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.transforms import unscale
+from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, condition_units, read_new_conditions
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
@@ -33,8 +33,8 @@ from taichi_erosion.evidence.race.outlook import (
     forecast,
     held_out_rows,
     joint_rows,
-    leave_one_out,
-    rows_at,
+    leave_one_out_shares,
+    new_rows,
 )
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
@@ -94,7 +94,7 @@ def predict_study(
         at_rows = zip(new.observable, *new.conditions.values(), strict=True)
         sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
         question = replace(
-            Question("predict", without_candidates, lambda inference: [inference.about_bare], most_points=1),
+            Question("predict", without_candidates, lambda inference: [inference.bare_point], most_points=1),
             query=lambda inference: rows_to_predict(inference.posterior.race, new),
             query_sets=len(sets),
         )
@@ -105,7 +105,7 @@ def predict_study(
         )
         record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
         name, count = f"predict {study.path.stem}", vault_openings(study.results, study.vault_digest)
-        if opened and name not in read_counter(study.results / COUNTER).get(study.vault_digest, []):
+        if opened and name not in read_openings(study.results / COUNTER).get(study.vault_digest, []):
             count = count_opening(study.results, study.vault_digest, name)
         about = common_answer_fields(ready, inference) | {"at": new.file, "vault_opened": count}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
@@ -137,7 +137,7 @@ def rows_to_predict(race: Race, new: NewConditions) -> JointRows:
     """Wanted rows of the fitted observables, with the model there."""
     finite = np.isin(new.observable, race.prepared.rows.names)
     chosen = NewConditions(**pick_rows({key: getattr(new, key) for key in ROW_WISE}, finite))
-    return joint_rows(race, rows_at(race.prepared, chosen))
+    return joint_rows(race, new_rows(race.prepared, chosen))
 
 
 def predict_new_rows(
@@ -151,10 +151,12 @@ def predict_new_rows(
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = coverage(forecast(posterior, joint_rows(posterior.race, vault)).below(), ~vault.censored)
+        held_out = interval_coverage(
+            forecast(posterior, joint_rows(posterior.race, vault)).share_below(), ~vault.censored
+        )
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
-        fitted=coverage(leave_one_out(posterior), ~fitted.censored),
+        fitted=interval_coverage(leave_one_out_shares(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for h, p in posterior.probability.items() if {*h.extra} - {EACH_SET_UP}),
         outdated=(),
@@ -186,7 +188,7 @@ def predicted_rows(
             condition_units={name: scale.unit for name, scale in wanted.scales.items()},
             unit=units[names[k]],
             **asdict(mean),
-            model=float(unscale(observable, model[k : k + 1])[0]),
+            model=float(from_scale(observable, model[k : k + 1])[0]),
             measured_low=min(mean.low, measured.low),  # of mixtures
             measured_high=max(mean.high, measured.high),
             outside=dict(conditions_out_of_range(table, names[k], wanted, i)),
@@ -212,7 +214,7 @@ def conditions_out_of_range(
             yield name, scale.to_unit_of_table(end)
 
 
-def coverage(below: Floats, counted: Bools) -> CheckPart:
+def interval_coverage(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
     shares = below[counted & np.isfinite(below)]
     inside = int(np.sum(np.abs(shares - 0.5) <= 0.5 * SHARE))

@@ -21,23 +21,23 @@ from taichi_erosion.evidence.answers.fresh_test import (
     CLOSER,
     after_runs,
     answer_and_rivals,
-    fresh_test,
+    run_fresh_test,
     run_setting,
     simulate_untrained_rows,
 )
-from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocked
+from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocking
 from taichi_erosion.evidence.data.problem import Progress
-from taichi_erosion.evidence.data.transforms import effect_at, is_strength
+from taichi_erosion.evidence.data.transforms import effect_of_path, is_strength_path
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import LEAST_DOSE, Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, most_test_runs
-from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, phase_shares, plan_cost
+from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, cost_in_words, phase_shares, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Race, log_joint
 from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior, has_unexplained_misfit
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
@@ -61,22 +61,22 @@ class StudyInference:
     query: JointRows | None = None  # new rows, with runs of the calibrated model
     query_runs: int = 0  # at these rows
 
-    def about(self, *fits: Fit) -> Points:
+    def points_at(self, *fits: Fit) -> Points:
         """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
         points = []
         for fit in fits:
             setting = run_setting(self.posterior.race, fit)
             acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
             numbers = setting.parameters.items()
-            acting |= {str(effect_at(path)): value for path, value in numbers if is_strength(path)}
-            plain = {path: value for path, value in numbers if not is_strength(path)}
+            acting |= {str(effect_of_path(path)): value for path, value in numbers if is_strength_path(path)}
+            plain = {path: value for path, value in numbers if not is_strength_path(path)}
             points += [replace(setting, parameters=plain, effects=acting)] * (1 + bool(setting.doses))
         return points
 
     @property
-    def about_bare(self) -> Setting:
+    def bare_point(self) -> Setting:
         """The calibrated model as the centre of a round."""
-        return self.about(self.posterior.race.bare)[0]
+        return self.points_at(self.posterior.race.bare)[0]
 
 
 @dataclass(frozen=True)
@@ -111,9 +111,9 @@ def probability_of_sets(posterior: Posterior) -> Mapping[Acting, float]:
     return dict(sorted(probabilities.items(), key=lambda each: -each[1]))
 
 
-def closest(race: Race, names: Acting) -> Fit:
+def closest_fit(race: Race, names: Acting) -> Fit:
     """The likeliest fit with exactly some effects and mechanisms."""
-    return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=log_weight_of)
+    return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=log_joint)
 
 
 def has_open_question(decision: Decision) -> bool:
@@ -135,7 +135,7 @@ def likeliest_explanation_points(inference: StudyInference) -> Points:
     if not has_open_question(inference.decision) or len(plausible) < 2:
         return []
     race = inference.posterior.race
-    return inference.about(*(closest(race, names) for names in sorted(plausible[:MOST_POINTS], key=bool)))
+    return inference.points_at(*(closest_fit(race, n) for n in sorted(plausible[:MOST_POINTS], key=bool)))
 
 
 def points_before_unlisted_verdict(inference: StudyInference) -> Points:
@@ -143,11 +143,11 @@ def points_before_unlisted_verdict(inference: StudyInference) -> Points:
     if inference.decision.verdict != "outside_library":
         return []
     race, share = inference.posterior.race, probability_of_sets(inference.posterior)
-    fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
+    fits = [closest_fit(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
-        return inference.about(*dosed[:MOST_POINTS])
+        return inference.points_at(*dosed[:MOST_POINTS])
     optima = [[f for f in race.effect_sets(*sizes) if f.is_optimum] for sizes in ((1,), range(2, MOST + 1))]
-    return inference.about(*(max(kind, key=log_weight_of) for kind in optima if kind))
+    return inference.points_at(*(max(kind, key=log_joint) for kind in optima if kind))
 
 
 def answer_question(
@@ -176,14 +176,14 @@ def answer_by_plan(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget)
     if first is None:
-        if message := function_cost(study, len(question.effects)):
+        if message := cost_in_words(study, len(question.effects)):
             study.options.announce(message)
         return question.answer(study, progress), study
-    refuse_blocked(study, bool(question.effects) and question.name != "next")  # which asks for the rows
+    refuse_blocking(study, bool(question.effects) and question.name != "next")  # which asks for the rows
     key = f"{study.fresh}{question.name} {budget}"
     runs, own_rounds, earlier = add_stored_rounds(first, key)
     room = max(runs.plan_size.rounds - len(own_rounds), 0)
-    cost = plan_cost(runs, room, question.most_points, most_runs(runs, question, own_rounds, key))
+    cost = plan_cost(runs, room, question.most_points, run_limit(runs, question, own_rounds, key))
     if cost.seconds >= WORTH_TELLING:
         study.options.announce(cost.cost_text)
     phases, phase = cost.phases, 0
@@ -202,7 +202,7 @@ def answer_by_plan(
         if (wider := add_mechanism_runs(runs, ready, question, inference)) is None:
             steps = phase_progress(progress, phases, len(phases) - 1)
             return check_answer_by_runs(question, inference, ready, runs, key, steps)
-        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, most_runs(wider, question, own_rounds, key))
+        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, run_limit(wider, question, own_rounds, key))
         study.options.announce(f"No listed effect suffices. {cost.cost_text}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
 
@@ -216,10 +216,10 @@ def add_mechanism_runs(
     if not has_unexplained_misfit(inference.posterior.race):
         return None
     wider = training_runs.add_dose_runs(runs)
-    return wider if wider.mechanisms and training_runs.runs_left(wider) >= 0 else None
+    return wider if wider.mechanisms and training_runs.runs_left_by_cap(wider) >= 0 else None
 
 
-def most_runs(runs: TrainingRuns, question: Question, rounds: list[Points], key: str) -> int:
+def run_limit(runs: TrainingRuns, question: Question, rounds: list[Points], key: str) -> int:
     """Most runs that end an answer; none where it was tested after the same rounds."""
     if question.query is not None:
         return question.query_sets * runs.plan_size.fresh
@@ -251,10 +251,10 @@ def check_answer_by_runs(
         rows, keys = simulate_untrained_rows(question.query(inference), simulator, steps)
         inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, keys = fresh_test(inference.posterior, decision, simulator.simulate_settings, steps)
+        part, keys = run_fresh_test(inference.posterior, decision, simulator.simulate_settings, steps)
         inference = replace(inference, decision=after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
-        about = inference.about(*(kind.fits[0] for kind in answer_and_rivals(race, decision)))
+        about = inference.points_at(*(kind.fits[0] for kind in answer_and_rivals(race, decision)))
         if training_runs.has_room_for_round(runs, about):
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
@@ -282,7 +282,7 @@ def add_stored_rounds(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[
     tests = {run for entry in read_rounds_file(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, other_runs=runs.other_runs + len(tests))
     alike = [series for name, series in past.items() if name.endswith(budget)]
-    return runs, own_rounds, {acting(point) for series in alike for about in series for point in about}
+    return runs, own_rounds, {acting_at(point) for series in alike for about in series for point in about}
 
 
 def points_of_next_round(
@@ -294,11 +294,11 @@ def points_of_next_round(
 ) -> Points | None:
     """Points of the next round, none where the cap has no room for it; None where the answer counts."""
     if len(own_rounds) < runs.plan_size.rounds:
-        about = [point for point in question.points(inference) if acting(point) not in earlier]
+        about = [point for point in question.points(inference) if acting_at(point) not in earlier]
         return about if training_runs.has_room_for_round(runs, about) else []
-    signatures = earlier | {acting(point) for about in own_rounds for point in about}
+    signatures = earlier | {acting_at(point) for about in own_rounds for point in about}
     needed = points_before_unlisted_verdict(inference) if question.missing else []
-    about = [point for point in needed if acting(point) not in signatures]
+    about = [point for point in needed if acting_at(point) not in signatures]
     alike = sum(has_doses(each) == has_doses(about) for each in own_rounds[runs.plan_size.rounds :])
     is_complete = alike >= MOST_REQUIRED
     return None if is_complete or not about or not training_runs.has_room_for_round(runs, about) else about
@@ -315,7 +315,7 @@ def phase_progress(progress: Progress, phases: Sequence[float], phase: int) -> P
     return lambda words, share: progress(words, before + weight * share)
 
 
-def acting(point: Setting) -> frozenset[str]:
+def acting_at(point: Setting) -> frozenset[str]:
     """Effects and mechanisms that act at a point, these with the condition and the signs of their doses."""
     names = []
     for name, strength in point.effects.items():

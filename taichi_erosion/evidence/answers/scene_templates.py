@@ -13,9 +13,9 @@ from typing import Any
 
 import tomlkit
 
-from taichi_erosion.campaign.study_file import set_comment
+from taichi_erosion.campaign.study_file import set_entry_comment
 from taichi_erosion.evidence.data.tables.column_roles import AIR
-from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
+from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grain_count
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.load import SCENES, read_toml
 from taichi_erosion.scene.schema.scene import Gravity
@@ -93,7 +93,7 @@ class Template:
         return float(materials[self.grain_density_path.split(".")[1]]["density"])
 
 
-def contact_table(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
+def friction_numbers(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
     """Friction between grains, which laboratories seldom measure."""
     numbers = [CalibratedNumber(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
@@ -156,7 +156,7 @@ TEMPLATES = {
         "a cylinder that is lifted slowly",
         ("repose_angle", *LENGTHS),
         lifted_cylinder_changes,
-        *(contact_table("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
+        *(friction_numbers("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
     "collapse": Template(
@@ -164,7 +164,7 @@ TEMPLATES = {
         "a column whose tube vanishes",
         ("angle_of_repose", "runout_radius", *HEAP),
         column_collapse_changes,
-        *(contact_table("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
+        *(friction_numbers("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
     "funnel": Template(
@@ -172,7 +172,7 @@ TEMPLATES = {
         "a funnel",
         ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
         funnel_changes,
-        *(contact_table("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
+        *(friction_numbers("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
     ),
@@ -181,7 +181,7 @@ TEMPLATES = {
         "a drum that turns slowly",
         ("dynamic_angle",),
         lambda diameter, grains: {},
-        *(contact_table("soil-soil", 0.5, 0.1), 1000, 3e-3),
+        *(friction_numbers("soil-soil", 0.5, 0.1), 1000, 3e-3),
         varies=False,
     ),
     "threshold": Template(
@@ -193,14 +193,14 @@ TEMPLATES = {
             "run.time_step_fraction": 0.12,
             "threshold.first": None,
         },
-        *(contact_table("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
+        *(friction_numbers("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
     ),
     "impact": Template(
         "impact_threshold",
         "a patch of bed under a wind that falls",
         ("impact_threshold", "impact_threshold_linear"),
         lambda diameter, grains: {},
-        *(contact_table("sand-sand", 0.5, None), 800, USUAL_SAND),
+        *(friction_numbers("sand-sand", 0.5, None), 800, USUAL_SAND),
     ),
     "saltation": Template(
         "saltation",
@@ -210,7 +210,7 @@ TEMPLATES = {
             "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")
         },
         (
-            *contact_table("sand-sand", 0.5, None),
+            *friction_numbers("sand-sand", 0.5, None),
             CalibratedNumber("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
         ),
         *(800, USUAL_SAND),
@@ -228,7 +228,7 @@ def least_grain_count(template: Template, angles: Sequence[float]) -> int:
     """Grains that a heap needs for its measure, down to somewhat flatter than the flattest measured one."""
     if not template.rows or not angles:
         return template.grains
-    return max(template.grains, grains_for(template.rows, FLATTER * min(angles)))
+    return max(template.grains, grain_count(template.rows, FLATTER * min(angles)))
 
 
 def scene_text(
@@ -265,7 +265,7 @@ def scene_text(
         **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }
     for path, value in changes.items():
-        set_entry(document, path.split("."), value)
+        set_scene_entry(document, path.split("."), value)
     document.get("run", {}).pop("replicas", None)
     if "run" in document and not document["run"]:
         document.pop("run")
@@ -273,7 +273,7 @@ def scene_text(
     return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
-def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
+def set_scene_entry(document: Any, path: Sequence[str], value: Any) -> None:
     """Set one entry of a parsed scene; None removes it."""
     *above, last = path
     holder = document
@@ -289,7 +289,7 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
         inline.update(value)
         value = inline
     holder[last] = value
-    set_comment(holder[last], "")
+    set_entry_comment(holder[last], "")
 
 
 def paths_of_place(template: Template, place: str) -> str:

@@ -8,17 +8,17 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_cells
-from taichi_erosion.evidence.data.held_out_rows import SPARE, point_count
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_groups
+from taichi_erosion.evidence.data.held_out_rows import SPARE, distinct_row_count
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
-from taichi_erosion.evidence.data.transforms import unscale
+from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study_of_adoptions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.words.part_words import FAULTS, row_list, unit_mistake_text
-from taichi_erosion.evidence.words.vocabulary import join_words, quantity
+from taichi_erosion.evidence.words.vocabulary import in_words, join_words
 from taichi_erosion.execution.observables import why_heap_is_too_small
-from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.scene.schema.units import conversion_factor, parse_unit
 from taichi_erosion.tables.number_words import plain
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
@@ -31,7 +31,7 @@ def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:
     return any(fault.blocks for fault in faults)
 
 
-def source_faults(study: Study) -> Iterator[SetUpFault]:
+def stale_faults(study: Study) -> Iterator[SetUpFault]:
     """The laboratory's table, where it has changed since the study was made of it.
 
     `study new` corrects the table that adopted studies share, and writes its digest into the first of them.
@@ -50,7 +50,7 @@ def refuse_unknown_scatter(study: Study) -> None:
         raise BadInput(f"{study.file.study.measurements}: {FAULTS['unknown_scatter']}")
 
 
-def refuse_blocked(study: Study, needs_rows: bool) -> None:
+def refuse_blocking(study: Study, needs_rows: bool) -> None:
     """Raises BadInput for faults that keep an answer of scenes waiting, before its runs are spent."""
     faults = (*(study.faults if needs_rows else ()), *small_heap_faults(study))
     lines = [f"{study.path}: {each.sentence}; --force goes on" for each in faults if each.blocks]
@@ -63,7 +63,7 @@ def small_heap_faults(study: Study) -> Iterator[SetUpFault]:
     table, simulator = study.problem.measurements, study.simulator
     assert simulator is not None
     for name, measure in simulator.measures.items():
-        factor = conversion(parse_unit(measure.unit), parse_unit("deg")) or 1.0
+        factor = conversion_factor(parse_unit(measure.unit), parse_unit("deg")) or 1.0
         angles = factor * table.value[np.array(table.observable) == name]
         words = why_heap_is_too_small(simulator.load_scene_at(measure.scene), measure.measure, angles)
         if words and not study.file.observables[name].same_size:
@@ -75,7 +75,7 @@ def unit_faults(race: Race) -> Iterator[SetUpFault]:
     rows, mean = race.prepared.rows, race.bare.mean
     for index, observable in enumerate(rows.observables):
         mask = (rows.which == index) & ~rows.censored
-        measured, predicted = (unscale(observable, values[mask]) for values in (rows.z, mean))
+        measured, predicted = (from_scale(observable, values[mask]) for values in (rows.z, mean))
         sound = (measured > 0.0) & (predicted > 0.0)
         ratio = float(np.median(measured[sound] / predicted[sound])) if sound.any() else 1.0
         if observable.transform != "log_floor" and not 1.0 / FAR_OFF < ratio < FAR_OFF:
@@ -105,10 +105,10 @@ def disagreement_faults(problem: Problem) -> Iterator[SetUpFault]:
 def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Fewer rows under different conditions than tell apart what may act."""
     table, hidden = problem.visible_rows(), len(problem.vault.rows)
-    points = point_count(table, condition_cells(table), np.ones(table.size, dtype=np.bool_))
+    points = distinct_row_count(table, condition_groups(table), np.ones(table.size, dtype=np.bool_))
     numbers = (*(each.path for each in problem.parameters), *(each.name for each in problem.adopted))
     if (problem.candidates or points > 1) and points < len(numbers) + SPARE:
-        names = join_words(quantity(each.rpartition(".")[2]) for each in numbers) or "nothing"
+        names = join_words(in_words(each.rpartition(".")[2]) for each in numbers) or "nothing"
         words = FAULTS["too_few_rows"].format(points, len(numbers) + SPARE, names)
         words += FAULTS["held_out"].format(hidden) * bool(hidden)
         yield SetUpFault("too_few_rows", "table", words, True)

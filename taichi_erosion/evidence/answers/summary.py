@@ -20,10 +20,10 @@ from scipy import special
 from taichi_erosion.evidence import record as parts
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, join_rows, repeat_fit_p
 from taichi_erosion.evidence.data.problem import Floats, Observable
-from taichi_erosion.evidence.data.transforms import axis_position, axis_value, unscale
+from taichi_erosion.evidence.data.transforms import axis_position, from_scale, value_on_axis
 from taichi_erosion.evidence.models.predictor import axis_scale_of
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate, misfit_p_value, residual
+from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, fit_residual, is_adequate, misfit_p_value
 from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide_cause, fit_of_decision
 from taichi_erosion.evidence.race.dose_laws import Law
@@ -39,7 +39,7 @@ MOST_POINTS, MOST_ROWS = 12, 30  # of a curve, and over which it is a mean
 POWERS = 4  # of a condition, beside which another one has a trend of its own
 
 
-def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
+def race_record(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     decision_used, race = decision or decide_cause(posterior), posterior.race
     after, bare, model = fit_of_decision(posterior, decision_used), race.bare, race.model
@@ -50,7 +50,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         mechanisms=mechanism_parts(decision_used),
         parameters=parameter_parts(posterior),
         levels=tuple(observable_level_parts(posterior)) if sound else (),
-        errors=tuple(inferred_errors(posterior)) if sound else (),
+        errors=tuple(inferred_error_parts(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
         repeats=tuple(repeat_disagreement_parts(race, after)),
         n=race.prepared.rows.size,
@@ -107,7 +107,7 @@ def lack_of_fit_p(race: Race, fit: Fit) -> float:
     slopes, bad = p.whiten(fit.jacobian), list(fit.evidence.bad)
     gain = np.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T)
     leverage = np.einsum("ij,ji->i", slopes, gain)
-    remainder = residual(fit)
+    remainder = fit_residual(fit)
     leverage[bad], remainder[bad] = 1.0, 0.0
     return repeat_fit_p(p.rows, p.variance, remainder, leverage)
 
@@ -122,7 +122,9 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.number_draws, posterior.race.model, posterior.race.bare
     sd, numbers = np.sqrt(np.diag(bare.setting_covariance)), {}
-    before = np.array([model.in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
+    before = np.array(
+        [model.numbers_in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
+    )
     least, most = (model.axis_numbers(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.parameter_axes):
         now = weighted_interval(values[:, j], weight)
@@ -131,7 +133,7 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
         at_end = bool(np.isfinite(tenth) and not axis.low + tenth < at < axis.high - tenth)
         numbers[axis.name] = parts.ParameterPart(
             **vars(now),
-            start=axis_value(axis, 0.0),
+            start=value_on_axis(axis, 0.0),
             before=Interval(*map(float, before[:, j])),
             prior_share=(high - low) / float(most[j] - least[j]),
             at_end=at_end,
@@ -212,12 +214,12 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
             if acts < SURE or block.kind != "unlisted" or points.size < 2:
                 continue
             some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
-            curve = shaped_curve(name, fit, points[some], index, rows)
+            curve = curve_part(name, fit, points[some], index, rows)
             if curve.shape != "varies":
                 yield curve
 
 
-def shaped_curve(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
+def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
     """A curve with its shape: differences between its turn and its ends count beyond 90 %.
 
     It is the mean of a block over the other conditions of the rows, the same at each point.
@@ -280,12 +282,12 @@ def mechanism_part_with_law(law: Law, probability: float) -> parts.MechanismPart
         low,
         high,
         share,
-        *law_with_sizes(form, numbers),
+        *law_with_names(form, numbers),
     )
     return parts.MechanismPart(probability, tuple(doses), part)
 
 
-def law_with_sizes(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
+def law_with_names(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
     """The expression with sizes of conditions named, and these; none where a number has another unit."""
     if form.name == "exponential":
         return "", {}
@@ -327,7 +329,7 @@ def observable_level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
             yield parts.LevelPart(**vars(size), observable=observable.name, kind=name, probability=chance)
 
 
-def inferred_errors(posterior: Posterior) -> Iterator[parts.ErrorPart]:
+def inferred_error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
     """Errors of sources, groups, rows and scatter that the likeliest explanation finds, beyond 90 %.
 
     A row is bad where the explanations that find it so have SURE together.
@@ -342,11 +344,11 @@ def inferred_errors(posterior: Posterior) -> Iterator[parts.ErrorPart]:
             continue
         half = ONE_SIDED * float(race.prepared.row_sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
-        gap = unscale(scale, rows.z[row]) - unscale(scale, expected)
+        gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
         label = str(rows.lines[row][0])
         yield parts.ErrorPart(*gap.tolist(), kind="row", observable=rows.names[row], label=label)
     spread = np.sqrt(np.diag(np.linalg.inv(now.gradient_and_curvature()[1])))
-    for j in range(now.rows.blocks, now.u.size):
+    for j in range(now.rows.block_count, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
         if low > 1.0 or high < 1.0:
             name = now.rows.scales.names[j].removeprefix("scatter ")
@@ -387,7 +389,7 @@ def residual_trend_parts(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
     u = bare.evidence.solution.scales_for(linear.scales)
-    u[linear.blocks :] = 0.0  # of few rows a fitted scatter is too small by chance
+    u[linear.block_count :] = 0.0  # of few rows a fitted scatter is too small by chance
     for measured, rows_of in race.prepared.observables_with_row_masks():
         for name, values in rows.conditions.items():
             axis = axis_scale_of(values[rows_of])
@@ -428,7 +430,7 @@ def measured_and_predicted_rows(race: Race, bare: Fit, after: Fit) -> parts.Rows
     for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(unlisted, axis=0)):
         column = np.empty(rows.size)
         for observable, mask in race.prepared.observables_with_row_masks():
-            column[mask] = unscale(observable, values[mask])
+            column[mask] = from_scale(observable, values[mask])
         columns.append(column)
     measured, low, high, before, adjusted = columns
     low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)

@@ -24,7 +24,7 @@ from taichi_erosion.evidence.answers.check_study import check_study
 from taichi_erosion.evidence.answers.scene_templates import CalibratedNumber
 from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import rows_in_named_ranges
-from taichi_erosion.evidence.data.measured import AMOUNTS, read_measured
+from taichi_erosion.evidence.data.measured import AMOUNTS, read_measured_table
 from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.rows import Table, tidy_table_cells
 from taichi_erosion.evidence.emulator.design import why_effect_cannot_act
@@ -34,7 +34,7 @@ from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.scene.load import read_text_of_file
 from taichi_erosion.scene.physical_ranges import ANGLE, OBSERVED
-from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.scene.schema.units import conversion_factor, parse_unit
 from taichi_erosion.tables.number_words import toml_key
 
 Document = dict[str, Any]
@@ -98,20 +98,22 @@ def write_study_files(files: StudyFiles, anew: bool) -> Document:
     Raises BadInput where a file of another origin would be replaced, or where the study does not fit its
     table; then nothing is written.
     """
-    earlier, paths = None, [files.study_path, files.table, *files.scene_texts]
+    before, paths = None, [files.study_path, files.table, *files.scene_texts]
     if files.study_path.exists() and files.table.exists():
-        earlier = load_study(files.study_path)
-        if earlier.file.study.made_from != files.made_from:
+        before = load_study(files.study_path)
+        if before.file.study.made_from != files.made_from:
             raise BadInput(f"{files.study_path}: is a study of another table; name another folder with --out")
-    if earlier is None and (there := [path for path in paths if path.exists()]):
+    if before is None and (there := [path for path in paths if path.exists()]):
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
     rows, changes = list[Drawn](row.draw for row in files.rows.rows), {}
-    if earlier is not None:
-        rows, changes = carry_over_vault(earlier, read_measured(files.table, files.table.name), files.rows)
+    if before is not None:
+        rows, changes = carry_over_vault(
+            before, read_measured_table(files.table, files.table.name), files.rows
+        )
     with restore_files_on_refusal(paths):
         write_tidy_table(files, rows)
-        if earlier is None or anew:
-            write_study_and_scenes(files, "" if earlier is None else earlier.vault_digest)
+        if before is None or anew:
+            write_study_and_scenes(files, "" if before is None else before.vault_digest)
         else:
             paths = paths[:2]
             text = read_text_of_file(files.study_path, str(files.study_path))
@@ -207,7 +209,7 @@ def write_study_and_scenes(files: StudyFiles, drawn_from: str) -> None:
         write_atomic(path, text.encode())
     write_atomic(files.study_path, study_text(files, (), drawn_from).encode())
     study = load_study(files.study_path)
-    acting = formulas_that_vary(study) if files.content.model else plausible_candidates(study)
+    acting = varying_formula_effects(study) if files.content.model else plausible_candidates(study)
     write_atomic(files.study_path, study_text(files, acting, drawn_from or study.digest).encode())
 
 
@@ -259,7 +261,7 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
     if name not in AMOUNTS:
         return ['transform = "log"']
     first_unit = parse_unit(unit or rows[0].unit)
-    size = [(row, (conversion(parse_unit(row.unit), first_unit) or 1.0) * row.value) for row in rows]
+    size = [(row, (conversion_factor(parse_unit(row.unit), first_unit) or 1.0) * row.value) for row in rows]
     limit = min((value for row, value in size if row.reach == -inf), default=0.0)
     least = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
     return ['transform = "log_floor"', f"floor = {max(limit, least):.6g}    # below it the scale is linear"]
@@ -270,7 +272,7 @@ def toml_string(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def formulas_that_vary(study: Study) -> list[str]:
+def varying_formula_effects(study: Study) -> list[str]:
     """Effects of the closed form that are not alike in all rows of the table, as coefficients are."""
     measured = study.problem.measurements.conditions
     at = reduced.DEFAULT_COLUMNS | {model: measured[name] for name, model in study.file.conditions.items()}

@@ -245,7 +245,7 @@ def repeat_fit_p(rows: ComparisonRows, variance: Floats, residual: Floats, lever
 def repeat_group_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's conditions, set-up and source; equal for repeated rows."""
     set_ups = [f"{group}|{name}" for group, name in zip(table.group, row_sources(table.source), strict=True)]
-    return condition_cells(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
+    return condition_groups(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
 
 
 def censor_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
@@ -271,7 +271,7 @@ def weighted_means_by_key(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[
     return first[order], mean, total[order]
 
 
-def condition_cells(table: Measurements | ComparisonRows) -> Floats:
+def condition_groups(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's set of conditions; equal for repeated rows."""
     columns = [np.nan_to_num(column, nan=-1.2345e300) for column in table.conditions.values()]
     stacked = np.column_stack(columns) if columns else np.zeros((table.size, 1))

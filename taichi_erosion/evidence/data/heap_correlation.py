@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_cells, heap_keys
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_groups, heap_keys
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Replicates
 from taichi_erosion.evidence.data.transforms import to_scale
 
@@ -38,7 +38,7 @@ class HeapCorrelation:
     names: tuple[str, ...]
     matrix: Floats
 
-    def between(self, names: Sequence[str]) -> Floats:
+    def correlation_between(self, names: Sequence[str]) -> Floats:
         """The correlation of some observables, 0 with those that it does not know."""
         matrix, places = np.eye(len(names)), [k for k, name in enumerate(names) if name in self.names]
         indices = [self.names.index(names[k]) for k in places]
@@ -51,7 +51,7 @@ def heap_correlation(
 ) -> HeapCorrelation | None:
     """Correlation of the observables of a table; None where no heap has two of them, or nothing is known."""
     names, unit = tuple(each.name for each in rows.observables), np.ones((len(rows.observables),) * 2)
-    if not np.any(shared_share(rows, unit)):
+    if not np.any(row_correlation(rows, unit)):
         return None
     target = np.eye(len(names)) if replicates is None else replicate_correlation(rows, replicates)
     wrong = {(each.observable, line) for each in rows.unmerged for line in each.suspects}
@@ -67,7 +67,7 @@ def add_correlation(rows: ComparisonRows, correlation: HeapCorrelation | None) -
     """Rows with the covariances of those of one heap."""
     if correlation is None:
         return rows
-    share = shared_share(rows, correlation.between([each.name for each in rows.observables]))
+    share = row_correlation(rows, correlation.correlation_between([each.name for each in rows.observables]))
     if not share.any():
         return rows
     sd = np.sqrt(np.nan_to_num(scatter_variance(rows)))
@@ -80,7 +80,7 @@ def scatter_variance(rows: ComparisonRows) -> Floats:
     return np.maximum(rows.variance - (tolerance * rows.slope) ** 2, 0.0)
 
 
-def shared_share(rows: ComparisonRows, matrix: Floats) -> Floats:
+def row_correlation(rows: ComparisonRows, matrix: Floats) -> Floats:
     """Correlation (n, n) of rows, diagonal 0, where observables of one heap have the correlation (k, k).
 
     A censored row is correlated with no other one.
@@ -111,7 +111,7 @@ def replicate_correlation(rows: ComparisonRows, replicates: Replicates) -> Float
             sd = float(replicates.sd[replicates.names.index(observable.name)])
             share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     names = [each.name for each in rows.observables]
-    of_model = HeapCorrelation(replicates.names, replicates.correlation).between(names)
+    of_model = HeapCorrelation(replicates.names, replicates.correlation).correlation_between(names)
     return np.where(correlation > 0.0, 1.0, of_model * np.outer(share, share))
 
 
@@ -119,7 +119,7 @@ def correlation_of_repeats(observables: Sequence[Observable], table: Measurement
     """Correlation of repeats about the means of their conditions, and its degrees of freedom (k, k)."""
     size, names = len(observables), np.array(table.observable)
     heaps, first, heap = np.unique(heap_keys(table), return_index=True, return_inverse=True)
-    cell, n = condition_cells(table)[first], np.where(table.n >= 1.0, table.n, 1.0)
+    cell, n = condition_groups(table)[first], np.where(table.n >= 1.0, table.n, 1.0)
     values, counts = np.zeros((heaps.size, size)), np.zeros((heaps.size, size))
     for k, observable in enumerate(observables):
         z = to_scale(observable, np.where(table.censored, np.nan, table.value))

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.data.comparison_rows import condition_cells
+from taichi_erosion.evidence.data.comparison_rows import condition_groups
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
 from taichi_erosion.evidence.data.tables.rows import row_sources
 from taichi_erosion.tables.number_words import count_noun
@@ -30,7 +30,7 @@ COUNTER = "vault.json"
 Unit = tuple[str, ...]  # what identifies a unit of hold-out
 
 
-def split_rows(
+def draw_vault(
     measurements: Measurements,
     fraction: float,
     ranges: Mapping[str, Sequence[float]],
@@ -51,7 +51,7 @@ def split_rows(
     units: list[Unit] = [(group,) for group in measurements.group] if by_group else cells
     digest = table_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
-    visible, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
+    visible, settled = earlier_vault(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
     vault_units = draw_vault_units(measurements, order, units, ~inside, visible, fraction, least)
@@ -59,18 +59,17 @@ def split_rows(
     hidden = inside | visible | among
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
-    visible_units = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
+    seen = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
     condition_text = measurements.table_units.condition_text
     spans = {name: " to ".join(condition_text(name, end) for end in ends) for name, ends in ranges.items()}
     named = "".join(f", and {name} from {span}" for name, span in spans.items())
     named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
-    counts = int(hidden.sum()), len(units)
-    return np.flatnonzero(hidden), split_sentence(len(visible_units), by_group, named, *counts)
+    return np.flatnonzero(hidden), split_sentence(len(seen), by_group, named, int(hidden.sum()), len(units))
 
 
-def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
+def earlier_vault(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
     """Rows that stay held out, with those new to their units, and the units that were drawn before."""
     draw = measurements.drawn or ("",) * measurements.size
     pairs = list(zip(units, draw, strict=True))
@@ -119,21 +118,21 @@ def draw_vault_units(
     levels of a condition would be one under either of two others, such as water on grains of two sizes; or
     where fewer than `least` sets of conditions would.
     """
-    cells = condition_cells(measurements)
+    cells = condition_groups(measurements)
     observables_of: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(free).tolist():
         observables_of.setdefault(units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
     remaining = free & ~visible
-    before, crossings = varying(measurements, remaining), crossed_levels(measurements, remaining, 3)
+    before, crossings = varying_pairs(measurements, remaining), crossed_levels(measurements, remaining, 3)
     among, vault_counts = (count_units(measurements, units, rows) for rows in (free, free & visible))
     quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - vault_counts[k] for k, n in among.items()}
     vault_units: set[Unit] = set()
     for unit in (each for each in order if each in observables_of):
         without = remaining & (unit_of_row != numbers[unit])
-        enough = point_count(measurements, cells, without) >= least
-        enough = enough and varying(measurements, without) == before
+        enough = distinct_row_count(measurements, cells, without) >= least
+        enough = enough and varying_pairs(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
         if identified and all(quota[name] > 0 for name in observables_of[unit]):
             vault_units.add(unit)
@@ -143,7 +142,7 @@ def draw_vault_units(
     return vault_units
 
 
-def point_count(measurements: Measurements, cells: Floats, rows: Bools) -> int:
+def distinct_row_count(measurements: Measurements, cells: Floats, rows: Bools) -> int:
     """Rows under different conditions; one less for each soil but the first, which has numbers of its own."""
     chosen = np.flatnonzero(rows).tolist()
     sets = {(measurements.observable[i], measurements.group[i], cells[i]) for i in chosen}
@@ -163,7 +162,7 @@ def condition_columns_of(
             yield observable, values, name, column, np.unique(column[values & np.isfinite(column)])
 
 
-def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
+def varying_pairs(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
     pairs: set[tuple[str, str]] = set()
     for observable, _, name, _, levels in condition_columns_of(measurements, rows):
@@ -213,18 +212,18 @@ def split_sentence(count: int, by_group: bool, named: str, rows: int, among: int
 
 def vault_openings(folder: Path, digest: str) -> int:
     """How often the vault has been opened whose rows were drawn from the table of this digest."""
-    return len(read_counter(folder / COUNTER).get(digest, []))
+    return len(read_openings(folder / COUNTER).get(digest, []))
 
 
 def count_opening(folder: Path, digest: str, effect: str) -> int:
     """Count one more opening of the vault; returns how many there have been."""
-    counter = read_counter(folder / COUNTER)
+    counter = read_openings(folder / COUNTER)
     counter.setdefault(digest, []).append(effect)
     write_atomic(folder / COUNTER, (json.dumps(counter, indent=1) + "\n").encode())
     return len(counter[digest])
 
 
-def read_counter(file: Path) -> dict[str, list[str]]:
+def read_openings(file: Path) -> dict[str, list[str]]:
     """For every table the effects for which its vault was opened."""
     if not file.exists():
         return {}

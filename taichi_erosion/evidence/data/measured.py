@@ -34,7 +34,7 @@ from taichi_erosion.scene.schema.units import (
     Scale,
     Unit,
     UnknownUnit,
-    conversion,
+    conversion_factor,
     parse_scale,
     parse_unit,
     scale_between,
@@ -42,7 +42,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import days_since_first
 from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
-from taichi_erosion.tables.spreadsheet import Cells, convert_units, read_table_cells
+from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
@@ -50,16 +50,16 @@ ATTENUATION = 0.05  # share of a slope that errors of a measured condition may t
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 
 
-def read_measured(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
+def read_measured_table(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
     """Measurements of a file, a tidy one or a laboratory's own; raises BadInput with all its faults.
 
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    table = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
+    rows = faults.of(read_rows, path, one_line_name(file or path), column_options(study), Interview(), faults)
     faults.raise_if_any()
-    assert table is not None
-    return table
+    assert rows is not None
+    return rows
 
 
 def read_rows(
@@ -104,7 +104,7 @@ def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return convert_units(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+    return apply_number_laws(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
 def dates_as_days(cells: Cells, interview: Interview) -> Cells:
@@ -159,7 +159,7 @@ def notes_on_cells(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
         yield "no column counts repeats: n is left empty, and a value counts as one measurement"
 
 
-def with_limits(table: Table, interview: Interview) -> Table:
+def add_detection_limits(table: Table, interview: Interview) -> Table:
     """The table; an amount that was not seen, `0` or `no transport`, gets the limit below which it lies.
 
     It is the least limit that the table states, else the least amount: what is less may not have been seen.
@@ -189,7 +189,7 @@ def is_unseen(row: Row) -> bool:
     return row.value == 0.0 or (row.censored and isnan(row.value))
 
 
-def told_by(study: StudyFile | None) -> TableOptions:
+def column_options(study: StudyFile | None) -> TableOptions:
     """What a study says of the columns of its table: by [columns], or by the same name."""
     if study is None:
         return TableOptions()
@@ -223,7 +223,7 @@ def study_measurements(
     if faults:
         raise BadInput(*faults)
     rows = [row for row in table.rows if row.observable in file.observables]
-    scales = unit_scales(table, file, places or {})
+    scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
     factors = np.array([value_unit_factor(row, units[row.observable], table.file) for row in rows])
     limits = [
@@ -258,7 +258,7 @@ def study_measurements(
     return measurements, [*table.notes, *notes]
 
 
-def unit_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
+def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every condition of a study; raises BadInput where a unit does not fit."""
     return {column: condition_column_scale(table, column, places.get(column)) for column in file.conditions}
 
@@ -307,7 +307,7 @@ def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str
 
 def value_unit_factor(row: Row, unit: str, file: str) -> float:
     """Factor from a row's unit to the model's."""
-    factor = conversion(parse_unit(row.unit), parse_unit(unit))
+    factor = conversion_factor(parse_unit(row.unit), parse_unit(unit))
     if factor is None:
         raise BadInput(f"{file}: row {row.line}, unit = '{row.unit}': {row.observable} is counted in {unit}")
     return factor
@@ -318,7 +318,7 @@ def observable_unit_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dic
     scales = {}
     for name, unit in units.items():
         common_unit = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        scales[name] = Scale(common_unit, conversion(parse_unit(common_unit), parse_unit(unit)) or 1.0)
+        scales[name] = Scale(common_unit, conversion_factor(parse_unit(common_unit), parse_unit(unit)) or 1.0)
     return scales
 
 
@@ -413,7 +413,7 @@ def cells_in_range_unit(
     return [(row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale]
 
 
-def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
+def unusual_notes(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
     """Values that can be and are not usual, in words: they may be slips."""
     for row, value, unit, used in cells_in_range_unit(table, name, allowed) if allowed else ():
         if allowed and not allowed.is_usual(used):

@@ -25,7 +25,7 @@ def to_scale(observable: Observable, value: Floats) -> Floats:
     return np.where(raised > 0.0, np.log(np.where(raised > 0.0, raised, 1.0)), np.nan)
 
 
-def unscale(observable: Observable, scaled: Floats) -> Floats:
+def from_scale(observable: Observable, scaled: Floats) -> Floats:
     """Values in the observable's own unit."""
     if observable.transform == "identity":
         return np.asarray(scaled, dtype=float)
@@ -81,7 +81,7 @@ def adopted_axis(candidate: Candidate) -> Axis:
     return Axis(name, 0.0, candidate.prior_scale, 0.0, most, False)
 
 
-def axis_value(axis: Axis, x: float) -> float:
+def value_on_axis(axis: Axis, x: float) -> float:
     """The number itself."""
     return axis.start * exp(axis.scale * x) if axis.logarithmic else axis.start + axis.scale * x
 
@@ -97,20 +97,20 @@ def split_numbers(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], 
     """Parameters by path and adopted effects by name."""
     parameters, effects = {}, {}
     for axis, position in zip(axes, x, strict=True):
-        value = axis_value(axis, float(position))
-        if is_strength(axis.name) and not axis.logarithmic:
+        value = value_on_axis(axis, float(position))
+        if is_strength_path(axis.name) and not axis.logarithmic:
             effects[axis.name[len(EFFECTS) : -len(STRENGTH)]] = value
         else:
             parameters[axis.name] = value
     return parameters, effects
 
 
-def is_strength(path: str) -> bool:
+def is_strength_path(path: str) -> bool:
     """Whether a number is the strength of an effect."""
     return path.startswith(EFFECTS) and path.endswith(STRENGTH)
 
 
-def effect_at(path: str) -> str | None:
+def effect_of_path(path: str) -> str | None:
     """Effect to which a parameter belongs, None for any other path."""
     return path.split(".")[1] if path.startswith(EFFECTS) else None
 

@@ -16,7 +16,7 @@ import scipy
 from taichi_erosion.core.effect import read_effect_entries
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate, Mechanism, Numbers, expected_strength
-from taichi_erosion.evidence.data.transforms import Axis, axis_value
+from taichi_erosion.evidence.data.transforms import Axis, value_on_axis
 from taichi_erosion.evidence.models.simulator import (
     SceneMeasure,
     Simulator,
@@ -65,7 +65,7 @@ class StudyScene:
     @property
     def mid_prior_numbers(self) -> Numbers:
         """Calibrated numbers in the middle of their priors."""
-        return {axis.name: axis_value(axis, 0.0) for axis in self.axes}
+        return {axis.name: value_on_axis(axis, 0.0) for axis in self.axes}
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def why_effect_cannot_act(scene: StudyScene, acting: Candidate | Mechanism) -> s
 
 def leaves_readings_unchanged(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
     """Whether an effect leaves the scene and all readings as they are."""
-    from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
+    from taichi_erosion.simulation.scene_setup import effect_conditions, effective_scene
 
     simulator, effect = scene.simulator, scene.simulator.library[name]
     if effect.place not in ("scene", "instrument"):
@@ -165,7 +165,7 @@ def leaves_readings_unchanged(scene: StudyScene, name: str, strength: float, row
     if effect.place == "scene":
         return after is changed
     params, _ = read_effect_entries(effect, changed.effects[name])
-    conditions = circumstances_of(after)
+    conditions = effect_conditions(after)
     measures = [simulator.measures[each].measure for each in scene.observables]
     return all(effect.act(params, strength, conditions, measure, 1.0) == 1.0 for measure in measures)
 
@@ -187,10 +187,10 @@ def design_runs(
         return strength_at_share(acting, share)
 
     key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
-    return sobol_runs(scene, names, design_size(scene, acting, size), key, (number_at_share, strength), 2)
+    return sobol_runs(scene, names, count_runs(scene, acting, size), key, (number_at_share, strength), 2)
 
 
-def design_size(scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize) -> int:
+def count_runs(scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize) -> int:
     """Runs of a design: more where more conditions or calibrated numbers can enter."""
     bare = len(relevant_axes(scene, ()))
     if acting is None:
@@ -217,7 +217,7 @@ def strength_at_share(acting: Candidate | Mechanism, share: float) -> float:
 def number_at_share(axis: Axis, share: float) -> float:
     """A calibrated number within the reach of its prior."""
     low, high = max(axis.low, -REACH), min(axis.high, REACH)
-    return axis_value(axis, low + (high - low) * share)
+    return value_on_axis(axis, low + (high - low) * share)
 
 
 def refinement_runs(
@@ -236,7 +236,7 @@ def refinement_runs(
     def jitter_number(axis: Axis, share: float) -> float:
         value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
         new_value = value * float(np.exp(shift)) if axis.logarithmic else value + shift
-        return float(np.clip(new_value, axis_value(axis, axis.low), axis_value(axis, axis.high)))
+        return float(np.clip(new_value, value_on_axis(axis, axis.low), value_on_axis(axis, axis.high)))
 
     return sobol_runs(scene, names, count, f"{key}|{names}", (jitter_number, jitter_strength), len(names) + 1)
 

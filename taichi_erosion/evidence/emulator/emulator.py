@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.problem import (
     expected_strength,
     row_count,
 )
-from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, slope, to_scale, unscale
+from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.gaussian_process import (
     ActiveInputs,
@@ -88,12 +88,10 @@ class EmulatorInputs:
         psi += [dose_position(acting[name]) for name in self.mechanisms]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
 
-    def strength(
-        self, candidate: Candidate, at: Conditions, parameters: Columns, strengths: Floats
-    ) -> Floats:
+    def strength(self, candidate: Candidate, at: Conditions, parameters: Columns, psi: Floats) -> Floats:
         """Place of strength over the expected one, times the effect's dose; 0 where the effect cannot act."""
-        if not strengths.any():
-            return np.zeros(strengths.size)
+        if not psi.any():
+            return np.zeros(psi.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
         conditions = self.scene.simulator.stated_columns(at, scene)
         prefix = f"{EFFECTS}{effect.name}."
@@ -102,7 +100,7 @@ class EmulatorInputs:
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         with failures_of(effect, "dose"):
             dose = np.where(effect.can_act(conditions), effect.dose(params, conditions), 0.0)
-        return strength_position(strengths / expected_strength(candidate) * dose)
+        return strength_position(psi / expected_strength(candidate) * dose)
 
     def active_inputs(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
@@ -138,8 +136,8 @@ class Emulator:
     ) -> Floats:
         """Predictions [seed, row]."""
         emulator = self.emulators[observable]
-        mean = emulator.process.mean(request_points(emulator.inputs, conditions, parameters, effects))
-        return np.tile(unscale(emulator.scale, mean), (len(seeds), 1))
+        mean = emulator.process.mean(inputs_of_request(emulator.inputs, conditions, parameters, effects))
+        return np.tile(from_scale(emulator.scale, mean), (len(seeds), 1))
 
     @cached_property
     def joint_errors_by_scene(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
@@ -161,8 +159,8 @@ class Emulator:
         for place, (observable, conditions, doses) in enumerate(queries):
             emulator = self.emulators[observable.name]
             places.setdefault(emulator.inputs.scene.measure.scene, []).append(place)
-            points.append(request_points(emulator.inputs, conditions, parameters, {**effects, **doses}))
-            value = unscale(emulator.scale, emulator.process.mean(points[-1]))
+            points.append(inputs_of_request(emulator.inputs, conditions, parameters, {**effects, **doses}))
+            value = from_scale(emulator.scale, emulator.process.mean(points[-1]))
             steepness.append(slope(observable, value) / slope(emulator.scale, value))
         rows = consecutive_slices([each.size for each in steepness])
         whole = np.zeros((rows[-1].stop,) * 2)
@@ -174,7 +172,7 @@ class Emulator:
         return whole * np.outer(*[np.concatenate(steepness)] * 2)
 
 
-def request_points(
+def inputs_of_request(
     inputs: EmulatorInputs,
     conditions: Conditions,
     parameters: Mapping[str, float],

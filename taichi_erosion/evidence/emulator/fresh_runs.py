@@ -19,19 +19,19 @@ from pathlib import Path
 import numpy as np
 from scipy import special
 
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of_scene
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, Progress
-from taichi_erosion.evidence.data.transforms import slope, to_scale, unscale
+from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
 from taichi_erosion.evidence.emulator.design import Setting, StudyScene, design_seed, distinct_conditions
-from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, request_points
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, runs_left
+from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, inputs_of_request
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, runs_left_by_cap
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, mean_over_finite_seeds
 from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, study_value
 
 SETTINGS = 3  # the explanation that is told, its runner-up, the bare model
-MOST_CONDITIONS = 12  # sets of conditions of one scene at which an answer is tested
+MOST_SETS = 12  # sets of conditions of one scene at which an answer is tested
 
 Request = tuple[Observable, Integers, Conditions]  # of a predictor: observable, its rows, their conditions
 Point = tuple[Path, tuple[str, ...]]  # a scene with all that is set in it
@@ -134,7 +134,7 @@ class FreshSimulator:
         for seeds in range(times * self.seeds, 0, -1):
             flat = [(point, request) for point in points for request in self.point_runs(point, seeds)]
             keys = frozenset(request.key for _, request in flat)
-            if len(keys - self.stored_keys) <= runs_left(self.training):
+            if len(keys - self.stored_keys) <= runs_left_by_cap(self.training):
                 results = execute_requests(self.training, [request for _, request in flat], progress)
                 results_by_point: dict[Point, list[RunResult]] = {point: [] for point in points}
                 for (point, _), result in zip(flat, results, strict=True):
@@ -149,7 +149,7 @@ class FreshSimulator:
         return FreshCampaign((), keys, 0)
 
     def rows_of_largest_weight(self, requests: Sequence[Request], weight: Floats) -> list[TestedRow]:
-        """Rows of the sets of conditions that weigh most, `MOST_CONDITIONS` of every scene, as asked."""
+        """Rows of the sets of conditions that weigh most, `MOST_SETS` of every scene, as asked."""
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
         tested: list[TestedRow] = []
         for observable, rows, conditions in requests:
@@ -164,7 +164,7 @@ class FreshSimulator:
         chosen: set[int] = set()
         for group in groups.values():
             ranked = sorted(group.values(), key=lambda rows: -float(weight[rows].sum()))
-            chosen |= {row for rows in ranked[:MOST_CONDITIONS] for row in rows}
+            chosen |= {row for rows in ranked[:MOST_SETS] for row in rows}
         return [each for each in tested if each.row in chosen]
 
     def point_runs(self, point: Point, seeds: int) -> list[RunRequest]:
@@ -174,7 +174,9 @@ class FreshSimulator:
         simulator = self.training.simulator
         try:
             built = simulator.load_scene_at(scene, words)
-            return [request_of(built, design_seed(key, n), device=simulator.device) for n in range(seeds)]
+            return [
+                request_of_scene(built, design_seed(key, n), device=simulator.device) for n in range(seeds)
+            ]
         except BadInput:
             return []
 
@@ -208,8 +210,8 @@ def most_test_runs(training: TrainingRuns, seeds: int) -> int:
     """Most runs that the test of an answer takes: those of the bare model do not depend on all conditions."""
     count = 0
     for scene in training.scenes:
-        bare = min(len(distinct_conditions(scene, ())), MOST_CONDITIONS)
-        count += bare + (SETTINGS - 1) * min(len(scene.rows), MOST_CONDITIONS)
+        bare = min(len(distinct_conditions(scene, ())), MOST_SETS)
+        count += bare + (SETTINGS - 1) * min(len(scene.rows), MOST_SETS)
     return count * seeds
 
 
@@ -230,12 +232,12 @@ class SettingRows:
         for each in self.rows:
             readings, errors = self.values_and_errors_of_row(each)
             scale = each.emulator.scale
-            values[:, each.row] = to_scale(each.observable, unscale(scale, readings))
-            mean = unscale(scale, mean_over_finite_seeds(readings[:, np.newaxis]))
+            values[:, each.row] = to_scale(each.observable, from_scale(scale, readings))
+            mean = from_scale(scale, mean_over_finite_seeds(readings[:, np.newaxis]))
             steepness = np.nan_to_num(slope(each.observable, mean) / slope(scale, mean))
             columns[each.row, points.index(each.point(self.setting)), : errors.size] = errors * steepness
         names = dict.fromkeys(each.observable.name for each in self.rows)
-        tests = {name: self.test([r for r in self.rows if r.observable.name == name]) for name in names}
+        tests = {name: self.gap_test([r for r in self.rows if r.observable.name == name]) for name in names}
         tests_by_name = {name: test for name, test in tests.items() if test is not None}
         return FreshRuns(values, columns.reshape(shape[1], -1), tests_by_name)
 
@@ -246,7 +248,7 @@ class SettingRows:
         errors = np.linalg.cholesky(self.scatter[point[0]].covariance)[row.place]
         return readings, errors / np.sqrt(max(int(np.isfinite(readings).sum()), 1))
 
-    def test(self, rows: Sequence[TestedRow]) -> GapTest | None:
+    def gap_test(self, rows: Sequence[TestedRow]) -> GapTest | None:
         """Whether the emulator of one observable is off by more than its stated error; None without runs."""
         first: dict[Point, TestedRow] = {}
         for row in rows:
@@ -258,7 +260,7 @@ class SettingRows:
         at = {path: np.array([row.at[path] for row in tested]) for path in tested[0].at}
         acting = [self.setting.at(row.at)[0] for row in tested]
         effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
-        inputs = request_points(emulator.inputs, at, self.setting.parameters, effects)
+        inputs = inputs_of_request(emulator.inputs, at, self.setting.parameters, effects)
         pairs = [self.values_and_errors_of_row(row) for row in tested]
         mean = np.array([mean_over_finite_seeds(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])
@@ -267,6 +269,6 @@ class SettingRows:
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
         p = float(special.fdtrc(gap.size, self.scatter[tested[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
-        sizes = unscale(emulator.scale, np.array([emulated[worst], mean[worst]]))
+        sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
         return GapTest(p, tested[worst].row, *map(float, (sizes[0], sd[0], sizes[1], sd[1])))

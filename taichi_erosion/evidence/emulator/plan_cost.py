@@ -11,7 +11,7 @@ from taichi_erosion.campaign.execute import seconds_per_work
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, runs_left, runs_to_make
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, runs_left_by_cap, runs_to_make
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem, usual_count_of_settings
 from taichi_erosion.tables.number_words import count_noun
@@ -67,7 +67,7 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     second, kinds = seconds_per_work(by_key, ledger) / workers, {effects[key] for key in ledger}
     done_of = {each: {key: ledger[key] for key in ledger if effects[key] == each} for each in kinds}
     seconds_of = {each: seconds_per_work(by_key, part) / workers for each, part in done_of.items()}
-    room = max(runs_left(training), 0)
+    room = max(runs_left_by_cap(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
     rounds = min(rounds, room // size) if size else 0
@@ -83,7 +83,7 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     return PlanCost(len(ledger), len(missing), rounds * size, rounds, fresh, processes, tuple(phases))
 
 
-def function_cost(study: Study, candidates: int) -> str:
+def cost_in_words(study: Study, candidates: int) -> str:
     """What an answer costs where a function is the model; empty where it is not worth telling."""
     problem = study.problem
     prepared = prepare_problem(problem, problem.visible_rows(), study.file.study.seed)

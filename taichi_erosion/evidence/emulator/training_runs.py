@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign.execute import run_requests
-from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import RunRequest, RunResult, request_of_scene
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -196,10 +196,10 @@ def add_refinement_round(
 
 def has_room_for_round(training: TrainingRuns, about: Sequence[Setting]) -> bool:
     """Whether the study's cap has room for a further round."""
-    return training.plan_size.round * len(about) * len(training.scenes) <= runs_left(training)
+    return training.plan_size.round * len(about) * len(training.scenes) <= runs_left_by_cap(training)
 
 
-def runs_left(training: TrainingRuns) -> int:
+def runs_left_by_cap(training: TrainingRuns) -> int:
     """Runs that the study's cap leaves beside those planned."""
     return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.other_runs
 
@@ -319,7 +319,7 @@ def runs_to_make(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReq
         words = training.simulator.overrides(measures[run.scene], run.at, run.parameters, run.effects)
         try:
             scene = training.simulator.load_scene_at(run.scene, words)
-            requests.append(request_of(scene, run.seed, device=training.simulator.device))
+            requests.append(request_of_scene(scene, run.seed, device=training.simulator.device))
         except BadInput as error:
             if not run.effects:
                 raise

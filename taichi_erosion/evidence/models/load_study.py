@@ -10,8 +10,8 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.evidence.data.held_out_rows import SPARE, split_rows, table_digest, vault_openings
-from taichi_erosion.evidence.data.measured import read_measured, study_measurements
+from taichi_erosion.evidence.data.held_out_rows import SPARE, draw_vault, table_digest, vault_openings
+from taichi_erosion.evidence.data.measured import read_measured_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
@@ -118,7 +118,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     file = override_by_options(study_document, options)
     effect_files = read_effect_files(file.study.effect_files, path.parent, str(path))
     files = tuple(dict.fromkeys((*effect_files, *read_effect_files(options.effect_files))))
-    table = read_measured(path.parent / file.study.measurements, file.study.measurements, file)
+    table = read_measured_table(path.parent / file.study.measurements, file.study.measurements, file)
     measurements, notes = study_measurements(table, file, str(path), condition_units(file, path, files))
     if impossible := list(impossible_study_values(table, file, path.parent)):
         raise BadInput(*impossible)
@@ -130,7 +130,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         parts = load_scene_model(path, file, results, measurements, files)
     vault, least = file.vault, len((*file.parameters, *parts.parameters, *parts.adopted)) + SPARE
     chosen = vault.fraction, vault.ranges, vault.drawn_from, vault.sources, least
-    hidden, vault_note = split_rows(measurements, *chosen)
+    hidden, vault_note = draw_vault(measurements, *chosen)
     parameters = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
@@ -175,8 +175,8 @@ def load_function_model(path: Path, file: StudyFile, store: RunStore, files: Eff
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
     effects = load_function_effects(path, files, plugin.mechanisms)
-    adopted = tuple(simulator.candidate_of(*each, effects) for each in file.adopted.items())
-    candidates = effects_to_try(file, str(path), effects)
+    adopted = tuple(simulator.as_candidate(*each, effects) for each in file.adopted.items())
+    tried = effects_to_try(file, str(path), effects)
     values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
@@ -184,7 +184,7 @@ def load_function_model(path: Path, file: StudyFile, store: RunStore, files: Eff
     uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
     identities = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(
-        model, identities, candidates, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
+        model, identities, tried, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
     )
 
 
@@ -194,9 +194,9 @@ def load_scene_model(
     """Scenes that answer; their runs stand in the ledger of a campaign."""
     runs = results if file.study.runs is None else path.parent / file.study.runs
     study_model = simulator.study_simulator(path, file, measurements, runs, files)
-    candidates = simulator.library_candidates(file, study_model, str(path))
-    adopted = tuple(simulator.candidate_of(*each, study_model.library) for each in file.adopted.items())
-    parameters = simulator.uncertain_parameters(file, study_model, measurements, (*candidates, *adopted))
+    tried = simulator.library_candidates(file, study_model, str(path))
+    adopted = tuple(simulator.as_candidate(*each, study_model.library) for each in file.adopted.items())
+    parameters = simulator.uncertain_parameters(file, study_model, measurements, (*tried, *adopted))
     paths = {number.path for number in parameters}
     scenes = dict.fromkeys(measure.scene for measure in study_model.measures.values())
     entries = study_model.measures.items()
@@ -204,11 +204,9 @@ def load_scene_model(
     study_model = replace(study_model, measures=measures)
     names = [f"{scene.name} {scene_hash(study_model.load_scene_at(scene))}" for scene in scenes]
     identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
-    unread = simulator.unread_notes(file, study_model, candidates)
+    unread = simulator.unread_column_notes(file, study_model, tried)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
-    return StudyModel(
-        model, identity, candidates, adopted, parameters, simulator=study_model, notes=tuple(unread)
-    )
+    return StudyModel(model, identity, tried, adopted, parameters, simulator=study_model, notes=tuple(unread))
 
 
 def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]) -> Sequence[Candidate]:
@@ -219,7 +217,7 @@ def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]
         if listed and effect not in (*listed, *own_effects):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        simulator.candidate_of(effect, section.tables.get(effect, CandidateEntry()), own_effects)
+        simulator.as_candidate(effect, section.tables.get(effect, CandidateEntry()), own_effects)
         for effect in dict.fromkeys((*(listed or section.tables), *own_effects))
         if effect not in file.adopted
     ]

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_cells
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_groups
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
@@ -109,7 +109,7 @@ class PreparedProblem:
         values, vectors = np.linalg.eigh(self.error_correlation_of_rows)
         return Whitening(self.row_sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
-    def working(self, mean: Floats) -> Working:
+    def working_residuals(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working_residuals(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
 
@@ -201,7 +201,7 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     errors = {name: column for name, column in errors.items() if np.any(column > 0.0)}
     if not errors:
         return None
-    cells = zip(rows.group, rows.source, condition_cells(rows), strict=True)
+    cells = zip(rows.group, rows.source, condition_groups(rows), strict=True)
     keys = ["|".join(map(str, each)) for each in cells]
     return ConditionErrors(errors, np.unique(keys, return_inverse=True)[1].astype(np.int64))
 

@@ -27,12 +27,12 @@ from taichi_erosion.evidence.data.problem import (
     Parameter,
     row_count,
 )
-from taichi_erosion.evidence.data.transforms import effect_at
+from taichi_erosion.evidence.data.transforms import effect_of_path
 from taichi_erosion.execution.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.mechanisms.library import DOSE, mechanism_file
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
-from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.scene.schema.units import conversion_factor, parse_unit
 
 CONDITIONS = "conditions."  # prefix of the dotted path of a condition
 EXTRA, VALUE = "extra.", ".value"  # of the long path of a condition that a user declares
@@ -161,7 +161,7 @@ def condition_matters(path: str, read: set[str]) -> bool:
 
 def parameter_can_change_run(path: str, present: Collection[str]) -> bool:
     """Whether a calibrated number can change a run in which some effects act: an effect's own needs it."""
-    effect = effect_at(path)
+    effect = effect_of_path(path)
     return effect is None or effect in present
 
 
@@ -180,7 +180,7 @@ def study_value(result: RunResult, measure: SceneMeasure) -> float:
     unit = result.record.get("measures", {}).get(measure.measure, {}).get("unit")
     if result.failure or unit is None:
         return float("nan")
-    factor = conversion(parse_unit(unit), parse_unit(measure.unit))
+    factor = conversion_factor(parse_unit(unit), parse_unit(measure.unit))
     if factor is None:
         message = f"{measure.scene}: {measure.measure} is measured in {unit}"
         raise BadInput(f"{message}, the study counts {measure.unit}")
@@ -250,13 +250,13 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        candidate_of(effect, choice.tables.get(effect, CandidateEntry()), library)
+        as_candidate(effect, choice.tables.get(effect, CandidateEntry()), library)
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
 
 
-def unread_notes(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
+def unread_column_notes(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
     """Sentences on columns that change no run: no effect of the scenes and no candidate reads them."""
     acting = [simulator.effects_acting_in_scene(each.scene) for each in simulator.measures.values()]
     present = {each.name for each in tried}.union(file.adopted, *acting)
@@ -269,7 +269,7 @@ def unread_notes(file: StudyFile, simulator: Simulator, tried: Sequence[Candidat
             yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 
-def candidate_of(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:
+def as_candidate(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:
     """An effect with the prior of its file, if there is one; the study overrides it."""
     effect = effects.get(name)
     candidate = Candidate(name, effect.prior_scale, effect.most) if effect else Candidate(name)

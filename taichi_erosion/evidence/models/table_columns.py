@@ -13,17 +13,17 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import told_by, unit_scales, value_faults
+from taichi_erosion.evidence.data.measured import column_options, condition_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column, Interview
 from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.transforms import effect_at
+from taichi_erosion.evidence.data.transforms import effect_of_path
 from taichi_erosion.evidence.models.simulator import condition_name_of_dotted_path, dotted_paths
 from taichi_erosion.scene.load import read_toml
 from taichi_erosion.scene.paths import unit_at_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, range_at
-from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
+from taichi_erosion.scene.schema.units import Scale, conversion_factor, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing
 from taichi_erosion.tables.spreadsheet import Cells, read_table_cells
 
@@ -40,7 +40,7 @@ def condition_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile,
         return {}
     columns = {name: dotted_paths(paths) for name, paths in file.conditions.items()}
     declared, library = declared_units_of_study(file, path.parent), dict[str, Effect]()
-    if any(effect_at(each) for paths in columns.values() for each in paths):
+    if any(effect_of_path(each) for paths in columns.values() for each in paths):
         from taichi_erosion.effect_library import load_library
 
         library |= load_library(effect_files)
@@ -62,7 +62,7 @@ def unit_at_dotted_path(path: str, library: Mapping[str, Effect], declared: Mapp
     if name is not None and name in declared:
         return declared[name]
     effect, _, number = path.removeprefix("effects.").partition(".")
-    if effect_at(path) is None or effect not in library:
+    if effect_of_path(path) is None or effect not in library:
         return unit_at_path(path)
     units = {field.name: str(field.metadata["unit"]) for field in fields(library[effect].params)}
     return "1" if number == STRENGTH else units.get(number)
@@ -148,7 +148,7 @@ def read_new_conditions(
     columns, groups = columns_setting_conditions(cells, file, measured, faults)
     table = condition_rows(cells, columns, faults)
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in columns}})
-    scales = faults.of(unit_scales, table, chosen, places) or {}
+    scales = faults.of(condition_scales, table, chosen, places) or {}
     faults += impossible_study_values(table, chosen, folder)
     absent = [name for name in file.conditions if name not in columns]
     constant = {name: faults.of(only_value_of_condition, cells, name, measured) for name in absent}
@@ -177,7 +177,7 @@ def columns_setting_conditions(
 
     One without a unit has that of the study's table.
     """
-    readable = understand_columns(cells, told_by(file), Interview(), faults, measured=False)
+    readable = understand_columns(cells, column_options(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in readable if c.role == "condition" and c.title in file.conditions}
     kinds = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
     there = ", ".join(file.conditions)
@@ -190,7 +190,7 @@ def columns_setting_conditions(
     ]
     for name, column in columns.items():
         usual, unit = measured.table_units.conditions.get(name, Scale()).unit, column.heading.unit
-        if unit and usual and conversion(parse_scale(unit), parse_scale(usual)) is None:
+        if unit and usual and conversion_factor(parse_scale(unit), parse_scale(usual)) is None:
             faults.append(f"{cells.file}: {name} is in {unit}, in the table of the study in {usual}")
         columns[name] = replace(column, heading=replace(column.heading, unit=unit or usual))
     faults.raise_if_any()
@@ -202,7 +202,7 @@ def condition_rows(cells: Cells, columns: Mapping[str, Column], faults: Faults) 
     reader = RowReader(cells, list(columns.values()), faults)
     rows = []
     for line, row in cells.lines:
-        numbers = tuple(reader.number_of(line, row, column).value for column in columns.values())
+        numbers = tuple(reader.read_number(line, row, column).value for column in columns.values())
         for column in (each for each in columns.values() if is_missing(row[each.place])):
             reader.add_fault(line, column, row, "is empty")
         rows.append(Row(line, "", np.nan, False, np.nan, None, "1", "", "", numbers))

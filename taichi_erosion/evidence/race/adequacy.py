@@ -22,7 +22,7 @@ from taichi_erosion.evidence.race.priors import ADEQUATE
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # of a normal distribution
 
 
-def residual(fit: Fit) -> Floats:
+def fit_residual(fit: Fit) -> Floats:
     """Whitened rows (n,) less an explanation with its levels, sources and groups at their best.
 
     What repeats of one set-up have in common is part of it: a preparation would take any lack of fit.
@@ -35,7 +35,7 @@ def residual(fit: Fit) -> Floats:
 
 def chi_square_of_fit(fit: Fit) -> float:
     """Misfit of all rows: weighted squares of what an explanation leaves."""
-    return float(fit.evidence.solution.rows.weight @ residual(fit) ** 2)
+    return float(fit.evidence.solution.rows.weight @ fit_residual(fit) ** 2)
 
 
 def pure_error_of_repeats(fit: Fit) -> tuple[Floats, Floats]:
@@ -68,7 +68,7 @@ def misfit_p_value(fit: Fit, levels: bool) -> float:
     doubt = np.nan_to_num(rows.scales.doubt)
     size = np.array([rows.y @ rows.at_scales(u + z * doubt).whitened[0] for z in NODES])
     squares, freedom = pure_error_of_repeats(fit)
-    ln_f = np.outer(NODES, doubt[rows.blocks :])
+    ln_f = np.outer(NODES, doubt[rows.block_count :])
     repeats = np.exp(-2.0 * ln_f) @ squares
     share = np.log(WEIGHTS) - ln_f @ freedom - 0.5 * repeats
     share = np.exp(share - share.max())

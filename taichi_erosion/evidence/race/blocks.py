@@ -22,10 +22,10 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_cells
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_groups
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.models.predictor import axis_scale_of, matrix_root
-from taichi_erosion.evidence.race.linear_evidence import Scales, scale
+from taichi_erosion.evidence.race.linear_evidence import Scales, one_scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
@@ -60,7 +60,7 @@ def unlisted_blocks(
                 block,
                 kind="unlisted",
                 columns=np.hstack([columns, level[block.observable]]),
-                scale=scale(f"unlisted {block.observable}", cauchy=priors.large),
+                scale=one_scale(f"unlisted {block.observable}", cauchy=priors.large),
             )
             if block.kind == "discrepancy"
             and (columns := smooth_columns(rows, block.observable, is_known, block.size, along)).size
@@ -70,7 +70,7 @@ def unlisted_blocks(
     return blocks_along
 
 
-def nuisance(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors) -> list[Block]:
+def error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors) -> list[Block]:
     """Every block that a table allows; `known` rows were measured, `unit` (n,) is their standard error."""
     blocks = []
     for index, observable in enumerate(rows.observables):
@@ -80,11 +80,11 @@ def nuisance(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors
             continue
         name, size = observable.name, float(np.median(unit[fitted]))
         column = np.where(mask, size, 0.0)
-        blocks.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=priors.near)))
+        blocks.append(Block("level", name, column[:, None], one_scale(f"level {name}", cauchy=priors.near)))
         if fitted.size > 3:
             columns = smooth_columns(rows, name, is_known, size)
             if columns.shape[1]:
-                small = scale(f"discrepancy {name}", normal=priors.small)
+                small = one_scale(f"discrepancy {name}", normal=priors.small)
                 blocks.append(Block("discrepancy", name, columns, small, size=size))
     return [*blocks, *shared_error_blocks(rows, is_known, unit, priors.near)]
 
@@ -94,8 +94,8 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
     size = np.array(
         [np.median(unit[(rows.which == k) & is_known] if is_known.any() else 1.0) for k in rows.which]
     )
-    cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_cells(rows), strict=True)]
-    source, set_up = scale("source", cauchy=near), scale("preparation", normal=2.0 * near)
+    cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_groups(rows), strict=True)]
+    source, set_up = one_scale("source", cauchy=near), one_scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
     kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
     for kind, labels, prior in kinds:
@@ -106,17 +106,15 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
     groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
-        yield Block("group", "", masks.astype(np.float64), scale("group", cauchy=2.0 * near))
+        yield Block("group", "", masks.astype(np.float64), one_scale("group", cauchy=2.0 * near))
 
 
-def label_masks(
-    rows: ComparisonRows, is_known: Bools, labels: Sequence[str]
-) -> tuple[Floats, tuple[str, ...]]:
+def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> tuple[Floats, tuple[str, ...]]:
     """A mask for each label of each observable that has several rows of it and others too.
 
     A label of no known row has one too: what is known of the others says how large it may be.
     """
-    columns, names, label = [], [], np.array(labels)
+    columns, names, label = [], [], np.array(tags)
     for index, observable in enumerate(rows.observables):
         mask = rows.which == index
         count = int(np.sum(mask & is_known))
@@ -137,9 +135,7 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
     return (block.columns[:, :, None] * jacobian[:, None, :]).reshape(jacobian.shape[0], -1)
 
 
-def smooth_columns(
-    rows: ComparisonRows, observable: str, mask: Bools, size: float, along: str = ""
-) -> Floats:
+def smooth_columns(rows: ComparisonRows, observable: str, mask: Bools, sd: float, along: str = "") -> Floats:
     """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
     fitted, group, by_set_up = mask[at], np.array(rows.group)[at], along == EACH_SET_UP
@@ -160,10 +156,10 @@ def smooth_columns(
     # published laws of an amount differ by powers of the grain size
     if not along and entry.transform == "log_floor" and entry.shared_over in rows.conditions:
         sizes = rows.conditions[entry.shared_over][at]
-        power = np.nan_to_num(np.log(sizes / np.nanmedian(sizes[fitted]))) / size
+        power = np.nan_to_num(np.log(sizes / np.nanmedian(sizes[fitted]))) / sd
         columns = np.column_stack([columns, power]) if power.any() else columns
     values = np.zeros((rows.size, columns.shape[1]))
-    values[at] = size * columns
+    values[at] = sd * columns
     return values
 
 

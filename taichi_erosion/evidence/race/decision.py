@@ -24,7 +24,7 @@ import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_weight_of, row_scatter
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
@@ -65,19 +65,19 @@ def decide_cause(posterior: Posterior) -> Decision:
     beyond = {name: any_acts(posterior, [name]) for name in mechanisms}
     outside = any_acts(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
-    group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
+    group = smallest_group(posterior, [n for n in effects if n not in named], inclusion, len(effects) // 2)
     chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:
         named, group = (), ()
     fits = {name: [f for f in race.fits.values() if name in f.hypothesis.acting] for name in mechanisms}
-    likeliest = {name: max(some, key=log_weight_of) for name, some in fits.items() if some}
+    likeliest = {name: max(some, key=log_joint) for name, some in fits.items() if some}
     sound = {name: beyond[name] for name, fit in likeliest.items() if is_adequate(fit, FAMILYWISE)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     single = sound if refuted or named else inclusion | sound
-    leading = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
+    leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
         verdict = "outside_library"
@@ -140,14 +140,14 @@ def any_acts(posterior: Posterior, names: Iterable[str]) -> float:
     return sum(p for h, p in posterior.probability.items() if subset & h.acting)
 
 
-def smallest(
-    posterior: Posterior, names: Sequence[str], single: dict[str, float], most: int
+def smallest_group(
+    posterior: Posterior, names: Sequence[str], p: dict[str, float], most: int
 ) -> tuple[str, ...]:
     """The fewest of some effects, likeliest first, of which one acts with SURE; none if more are needed."""
-    ranked = sorted(names, key=lambda name: -single[name])
+    ranked = sorted(names, key=lambda name: -p[name])
     for count in range(1, most + 1):
         if any_acts(posterior, ranked[:count]) >= SURE:
-            return tuple(name for name in ranked[:count] if single[name] > KEEP)
+            return tuple(name for name in ranked[:count] if p[name] > KEEP)
     return ()
 
 
@@ -177,19 +177,19 @@ def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str,
             names = ERRORS if key == "errors" else (key,)
             sizes = {name: factor * getattr(priors, name) for name in names}
             odds = {name: p / (1.0 - p / factor + p) for name, p in sizes.items() if name in VARIED[:3]}
-            there = with_priors(posterior, replace(priors, **sizes | odds))
+            there = reweight_priors(posterior, replace(priors, **sizes | odds))
             varied = decide_cause(there)
             if all(getattr(varied, part) == getattr(usual, part) for part in TOLD):
                 varied = replace(varied, **{part: getattr(decision, part) for part in TOLD})
             yield key, there, varied
 
 
-def with_priors(posterior: Posterior, priors: Priors) -> Posterior:
+def reweight_priors(posterior: Posterior, priors: Priors) -> Posterior:
     """The posterior under other priors; likely explanations are solved anew, about the same settings."""
     race, usual, scores = posterior.race, posterior.race.priors, []
     for hypothesis, fit in race.fits.items():
         now, change = fit.evidence.solution, prior(race, hypothesis, priors) / prior(race, hypothesis, usual)
-        scores.append(log_weight_of(fit) + log(change))
+        scores.append(log_joint(fit) + log(change))
         names = (SCALES.get(name.partition(" ")[0], "near") for name in now.rows.scales.names)
         wider = np.array([getattr(priors, name) / getattr(usual, name) for name in names])
         shift = np.zeros(fit.v.size)
@@ -197,7 +197,7 @@ def with_priors(posterior: Posterior, priors: Priors) -> Posterior:
         if posterior.probability[hypothesis] > 0.1 * KEEP and (np.any(shift) or np.any(wider != 1.0)):
             sizes = {name: wider * getattr(now.rows.scales, name) for name in ("cauchy", "normal")}
             sizes["doubt"] = now.rows.scales.doubt.copy()
-            sizes["doubt"][now.rows.blocks :] = row_scatter(race.prepared, priors.doubt)[1].doubt
+            sizes["doubt"][now.rows.block_count :] = row_scatter(race.prepared, priors.doubt)[1].doubt
             y = now.rows.y - now.rows.columns[:, : fit.v.size] @ shift
             rows = replace(now.rows, y=y, scales=replace(now.rows.scales, **sizes))
             then, before = (optimise_scales(each, now.u, STEPS) for each in (rows, now.rows))

@@ -27,7 +27,7 @@ import scipy
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.decision import Decision, fit_of_decision
-from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of_fit, to_axis
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dose_to_axis, dosing_of_fit
 from taichi_erosion.evidence.race.fit import Fit, Race, axis_to_dose
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, PRIORS, SEED
@@ -62,7 +62,7 @@ class LawRows:
 
     def linearise(self, w: Floats) -> Floats:
         """Residual at v = 0 and minus slopes along v (n, 1 + p), at doses of all rows."""
-        slopes = self.gain @ (along(self.curve, w) + self.offset)
+        slopes = self.gain @ (curve_at_doses(self.curve, w) + self.offset)
         slopes[:, 0] = self.y - slopes[:, 0]
         return slopes
 
@@ -107,7 +107,8 @@ class FittedForm:
 
     def doses(self, numbers: Floats | None = None) -> Floats:
         """Doses of all rows, on their axis, by default for the best numbers."""
-        return to_axis(self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers))
+        numbers = self.numbers if numbers is None else numbers
+        return dose_to_axis(self.form.dose(self.rows.conditions, numbers))
 
     def best_numbers(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
@@ -160,7 +161,7 @@ def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
         return None
     dosing = dosing_of_fit(race, fit, fit.dose.factor)
     curve = tabulate_model_over_dose(dosing, fit.v, fit.dose.w)
-    place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
+    place = Place(fit.v, fit.dose.w, fit.mean, curve_at_doses(curve, fit.dose.w)[:, 1:])
     rows = law_rows_about_fit(race, fit, curve, place)
     first = [fit_form_to_all_rows(rows, form, place.w) for form in allowed_forms(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.complexity_penalty)
@@ -191,7 +192,7 @@ def tabulate_model_over_dose(dosing: Dosing, v: Floats, w: Floats) -> "scipy.int
     return scipy.interpolate.PchipInterpolator(nodes, both, axis=0)
 
 
-def along(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
+def curve_at_doses(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     """M (n, 1 + p) of rows with a dose of its own each, held within the table."""
     inside = np.clip(w, curve.x[0], curve.x[-1])
     piece = np.clip(np.searchsorted(curve.x, inside, side="right") - 1, 0, curve.x.size - 2)
@@ -210,12 +211,14 @@ def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", p
     if np.unique(labels).size < FOLDS // 2:
         labels = np.array([repr(each) for each in zip(*p.rows.conditions.values(), strict=True)])
     folds = np.unique(labels, return_inverse=True)[1] % FOLDS
-    work, root = p.working(place.mean), np.sqrt(now.inverse_variance_of_rows)
+    work, root = p.working_residuals(place.mean), np.sqrt(now.inverse_variance_of_rows)
     shared = now.rows.block != len(fit.blocks) - 1
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
     gain = (root * work.weight)[:, np.newaxis] * p.whiten(np.eye(root.size))
-    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - along(curve, place.w)
+    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - curve_at_doses(
+        curve, place.w
+    )
     y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
     return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 

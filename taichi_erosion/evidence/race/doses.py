@@ -20,8 +20,8 @@ import numpy as np
 from taichi_erosion.evidence.data.problem import Floats, Mechanism
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, dose_factors
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import FAR, SLACK, Doses, Fit, Hypothesis, Race, log_weight_of
-from taichi_erosion.evidence.race.linear_evidence import scale
+from taichi_erosion.evidence.race.fit import FAR, SLACK, Doses, Fit, Hypothesis, Race, log_joint
+from taichi_erosion.evidence.race.linear_evidence import one_scale
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP
 from taichi_erosion.evidence.race.search import prior
 
@@ -33,7 +33,7 @@ FIRST, THEN = 4, 14  # steps with the scales at their priors, so that no level t
 Seen = tuple["Dosing", Fit, Floats]  # mechanisms, a fit from which they start, and their doses there
 
 
-def to_axis(dose: Floats) -> Floats:
+def dose_to_axis(dose: Floats) -> Floats:
     """Doses on their axis."""
     return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
@@ -58,7 +58,7 @@ class Dosing:
     def dose_range_on_axis(self) -> Floats:
         """Range (2, m n) of the doses on their axis."""
         ends = [[max(each.low, LEAST_DOSE), each.high] for each in self.mechanisms]
-        return np.repeat(to_axis(np.array(ends, dtype=np.float64).T), self.factor.shape[0], axis=1)
+        return np.repeat(dose_to_axis(np.array(ends, dtype=np.float64).T), self.factor.shape[0], axis=1)
 
     @cached_property
     def factors(self) -> Floats:
@@ -86,7 +86,7 @@ class Dosing:
     def fit_about(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
         dose = Doses(self.factors @ beta, self.dose_slope(at.v, w, at.mean), self.factors)
-        size = scale("dose", cauchy=self.race.priors.dose)
+        size = one_scale("dose", cauchy=self.race.priors.dose)
         block = Block("dose", "", dose.change(self.factors, at.mean.size), size)
         expansion = {"hypothesis": self.key, "log_prior": self.log_prior, "is_optimum": True}
         return self.race.fit_at_scales(
@@ -95,7 +95,7 @@ class Dosing:
 
     def is_hopeless(self, fit: Fit) -> bool:
         """Whether a fit is so unlikely that no few steps more make it worth another run."""
-        return log_weight_of(fit) < max(map(log_weight_of, self.race.fits.values())) + 2.0 * log(KEEP)
+        return log_joint(fit) < max(map(log_joint, self.race.fits.values())) + 2.0 * log(KEEP)
 
     def optimise(self, start: Fit, w: Floats) -> Fit:
         """Numbers and doses by Gauss-Newton steps from some, none of which raises the misfit."""
@@ -178,7 +178,7 @@ def fit_all_mechanisms(race: Race) -> None:
     every = all_dosings(race, kernels)
     for each in every:
         each.optimise(start, start.w)
-    for one in sorted(every, key=lambda one: -log_weight_of(race.fits[one.key]))[: 2 * CARRIED]:
+    for one in sorted(every, key=lambda one: -log_joint(race.fits[one.key]))[: 2 * CARRIED]:
         one.optimise_from_own_slopes()
     restart_likeliest_mechanisms(race, start, every)
     add_second_cause(race, every)
@@ -189,7 +189,7 @@ def restart_likeliest_mechanisms(race: Race, usual: Fit, every: Sequence[Dosing]
 
     They are its numbers and doses, and the `usual` numbers with the middle of the range on either side of 0.
     """
-    best = max([fit for h, fit in race.fits.items() if {*h.extra} - {EACH_SET_UP}], key=log_weight_of)
+    best = max([fit for h, fit in race.fits.items() if {*h.extra} - {EACH_SET_UP}], key=log_joint)
     count, zero = race.model.count, usual.w
     start = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
     for one in [each for each in every if each.axis == (best.hypothesis.along or "all")]:
@@ -219,7 +219,7 @@ def add_second_cause(race: Race, every: Sequence[Dosing]) -> None:
     for _ in range(min(2, count)):
         one, others = others[0], [other for other in others if other.mechanisms != others[0].mechanisms]
         runs += pairs_with_mechanism(race, one, race.fits[one.key], others)
-    for fit in sorted(race.effect_sets(1), key=log_weight_of, reverse=True)[:2]:
+    for fit in sorted(race.effect_sets(1), key=log_joint, reverse=True)[:2]:
         some = ranking[: len(ranking) // 2]
         runs += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
     more = log(race.priors.step / max(len(race.model.candidates) + count - 1, 1))
@@ -228,7 +228,7 @@ def add_second_cause(race: Race, every: Sequence[Dosing]) -> None:
         dosing = replace(one, log_prior=one.log_prior + more)
         beta = Doses(w, w, dosing.factors).coefficients
         fits.append((dosing, dosing.fit_about(start, beta, w, None, FIRST), w))
-    least = max(map(log_weight_of, race.fits.values())) + log(KEEP)
-    for one, expansion, w in sorted(fits, key=lambda each: -log_weight_of(each[1]))[:CARRIED]:
-        if log_weight_of(expansion) > least:
+    least = max(map(log_joint, race.fits.values())) + log(KEEP)
+    for one, expansion, w in sorted(fits, key=lambda each: -log_joint(each[1]))[:CARRIED]:
+        if log_joint(expansion) > least:
             one.optimise(expansion, w)

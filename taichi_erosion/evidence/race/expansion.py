@@ -18,7 +18,7 @@ from math import exp, log
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import REACH, Candidate, Conditions, Floats, Integers, Progress
-from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_at
+from taichi_erosion.evidence.data.transforms import Axis, effect_of_path, value_on_axis
 from taichi_erosion.evidence.models.predictor import Predictor, mean_over_finite_seeds
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
@@ -30,7 +30,7 @@ EDGE = 0.02  # least share of a range that its start is taken to be away from an
 
 def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
     """Calibrated number on its own axis."""
-    if effect_at(axis.name) is not None:
+    if effect_of_path(axis.name) is not None:
         return bounded_strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
     if not np.isfinite(axis.high - axis.low):
         return float(np.clip(v, axis.low, axis.high))
@@ -82,10 +82,10 @@ class RaceModel:
         pairs = zip(self.prepared.parameter_axes, v, strict=True)
         return np.array([parameter_axis_position(axis, float(z), self.priors) for axis, z in pairs])
 
-    def in_units(self, v: Floats) -> Floats:
+    def numbers_in_units(self, v: Floats) -> Floats:
         """Calibrated numbers in their units."""
         pairs = zip(self.prepared.parameter_axes, self.axis_numbers(v), strict=True)
-        return np.array([axis_value(axis, float(x)) for axis, x in pairs])
+        return np.array([value_on_axis(axis, float(x)) for axis, x in pairs])
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""

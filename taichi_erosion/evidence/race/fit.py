@@ -18,9 +18,9 @@ from scipy.special import logsumexp
 
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, columns_of, nuisance, unlisted_blocks
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, columns_of, error_blocks, unlisted_blocks
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
-from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
+from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, one_scale, row_evidence
 from taichi_erosion.evidence.race.priors import SEED
 
 OUTSIDE = "outside_library"  # what no list holds: its name where a mechanism has its own
@@ -127,7 +127,7 @@ class Fit(Expansion):
         return self.evidence.solution.u
 
 
-def log_weight_of(fit: Fit) -> float:
+def log_joint(fit: Fit) -> float:
     """Ln of prior times evidence."""
     return fit.log_evidence + fit.log_prior
 
@@ -143,8 +143,8 @@ def row_scatter(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scal
     names = [rows.observables[k].name for k in used]
     repeats = [np.nanmedian(rows.noise[name].scatter.variance) / rows.noise[name].lab ** 2 for name in names]
     wide = [float(np.hypot(doubt, 0.5 * np.log1p(0.25 * n))) for n in repeats]
-    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, wide, strict=True)]
-    return index.astype(np.int64), sum(parts, Scales.none())
+    parts = [one_scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, wide, strict=True)]
+    return index.astype(np.int64), sum(parts, Scales.empty())
 
 
 @dataclass
@@ -160,7 +160,7 @@ class Race:
     def __post_init__(self) -> None:
         rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
-        self.blocks = tuple(nuisance(rows, finite, sd, self.priors))
+        self.blocks = tuple(error_blocks(rows, finite, sd, self.priors))
         large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
@@ -168,7 +168,7 @@ class Race:
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""
         p = self.prepared
-        work, columns = p.working(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
+        work, columns = p.working_residuals(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
         numbers = at.jacobian[:, : self.model.count]
         white = [p.whiten(columns_of(block, numbers)) for block in at.blocks]
@@ -177,7 +177,7 @@ class Race:
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         linear = jacobian @ at.v + dosed
-        scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
+        scales = sum((b.scale for b in at.blocks), Scales.empty()) + self.scatter_scales
         y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
         rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
@@ -191,13 +191,13 @@ class Race:
         if fresh:  # a large scatter is an optimum too, where rows share their errors
             shared = np.isin(rows.scales.names, ("source", "preparation", "group"))
             starts += [rows.scales.initial + size * shared for size in (0.0, 3.0)]
-        solution = max((evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
+        solution = max((row_evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**settings, evidence=replace(solution, log_evidence=solution.log_evidence + extra))
 
     def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
         """Misfit of a mean with all errors at their best, but numbers, strengths and doses held, + |v|^2."""
-        now, work = fit.evidence.solution, self.prepared.working(mean)
+        now, work = fit.evidence.solution, self.prepared.working_residuals(mean)
         shared = np.arange(now.tau.size) >= fit.v.size
         if fit.dose is not None:
             shared &= now.rows.block != len(fit.blocks) - 1
@@ -218,11 +218,11 @@ class Race:
             if step is None and fresh:
                 break
             if step is None:
-                fit, fresh = self.fit_at_scales(self.with_slopes(fit), steps, fit.scales), True
+                fit, fresh = self.fit_at_scales(self.renew_slopes(fit), steps, fit.scales), True
                 continue
             v, mean, damping, gain, share = step
             if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
-                fit = self.with_slopes(replace(fit, v=v, mean=mean))
+                fit = self.renew_slopes(replace(fit, v=v, mean=mean))
             else:
                 move = v - fit.v
                 turn = np.outer(mean - fit.mean - fit.jacobian @ move, move) / max(move @ move, 1e-6)
@@ -256,7 +256,7 @@ class Race:
             damping = max(FIRMER * damping, 0.1)
         return None
 
-    def with_slopes(self, fit: Fit) -> Fit:
+    def renew_slopes(self, fit: Fit) -> Fit:
         """The fit with slopes and errors of known size at its setting."""
         names = fit.hypothesis.names
         jacobian = self.model.jacobian(names, fit.v, fit.mean)
@@ -272,14 +272,14 @@ class Race:
         anew = replace(fit, v=start, mean=self.model.predict_mean(fit.hypothesis.names, start))
         fits = [self.fit_at_scales(each, 0) for each in (fit, anew) if np.all(np.isfinite(each.mean))]
         fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
-        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), 0), MOST_STEPS, 0)
-        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        fit = self.gauss_newton(self.fit_at_scales(self.renew_slopes(fit), 0), MOST_STEPS, 0)
+        fit = self.gauss_newton(self.fit_at_scales(self.renew_slopes(fit), start=fit.scales, fresh=True), 2)
         return self.store_fit(replace(fit, is_optimum=True))
 
     def polish(self, fit: Fit) -> Fit:
         """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
-        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
-        last = self.with_slopes(fit)
+        fit = self.gauss_newton(self.fit_at_scales(self.renew_slopes(fit), start=fit.scales, fresh=True), 2)
+        last = self.renew_slopes(fit)
         if self.model.noisy:
             last = replace(last, mean=self.model.precise_mean(fit.hypothesis.names, fit.v))
         return self.store_fit(self.fit_at_scales(last, start=fit.scales))
@@ -367,7 +367,7 @@ class Race:
 
     def posterior_probabilities(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""
-        scores = np.array([*map(log_weight_of, self.fits.values())])
+        scores = np.array([*map(log_joint, self.fits.values())])
         return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 
     def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:

@@ -38,7 +38,7 @@ class Scales:
     doubt: Floats  # (k,), sd of ln sigma
 
     @staticmethod
-    def none() -> "Scales":
+    def empty() -> "Scales":
         """No scale, to which others are added."""
         return Scales((), np.zeros(0), np.zeros(0), np.zeros(0))
 
@@ -69,7 +69,7 @@ class Scales:
         return Scales(self.names + other.names, **joined)
 
 
-def scale(name: str, cauchy: float = np.nan, normal: float = np.nan, doubt: float = np.nan) -> Scales:
+def one_scale(name: str, cauchy: float = np.nan, normal: float = np.nan, doubt: float = np.nan) -> Scales:
     """One scale with its prior."""
     return Scales((name,), np.array([cauchy]), np.array([normal]), np.array([doubt]))
 
@@ -86,7 +86,7 @@ class LinearRows:
     weight: Floats  # (n,)
 
     @cached_property
-    def blocks(self) -> int:
+    def block_count(self) -> int:
         return len(self.scales.names) - self.count_scatters
 
     @cached_property
@@ -96,7 +96,7 @@ class LinearRows:
     @cached_property
     def block_membership(self) -> Floats:
         """Columns (q, blocks) that belong to each block, as 0 and 1."""
-        return (self.block[:, np.newaxis] == np.arange(self.blocks)).astype(np.float64)
+        return (self.block[:, np.newaxis] == np.arange(self.block_count)).astype(np.float64)
 
     @cached_property
     def normal_equation_products(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -119,7 +119,7 @@ class LinearRows:
     def at_scales(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
         tau = np.exp(np.append(u, 0.0)[self.block])
-        share = np.append(np.exp(-2.0 * u[self.blocks :]), 1.0)
+        share = np.append(np.exp(-2.0 * u[self.block_count :]), 1.0)
         squares, projections, energy, counts = self.normal_equation_products
         each = squares * (share[:, None, None] * np.outer(tau, tau))
         matrix = each.sum(axis=0)
@@ -128,7 +128,7 @@ class LinearRows:
         inverse = linalg.cho_solve((factor, True), np.eye(tau.size), check_finite=False)
         vector = tau * (share @ projections)
         centre = inverse @ vector
-        volume = float(np.sum(np.log(np.diag(factor)))) + float(counts[:-1] @ u[self.blocks :])
+        volume = float(np.sum(np.log(np.diag(factor)))) + float(counts[:-1] @ u[self.block_count :])
         fit = float(share @ energy - vector @ centre)
         log_likelihood = -0.5 * fit - volume + 0.5 * float(np.sum(np.log(self.weight)))
         return LinearPosterior(self, u, tau, centre, inverse, each, log_likelihood)
@@ -159,7 +159,7 @@ class LinearPosterior:
     def gradient_and_curvature(self) -> tuple[Floats, Floats]:
         """Slopes of `value` along u, and minus its expected curvature."""
         rows, inverse, owner = self.rows, self.inverse, self.rows.block_membership
-        count, k = rows.blocks, rows.count_scatters
+        count, k = rows.block_count, rows.count_scatters
         squares, projections, energy, counts = rows.normal_equation_products
         _, slope, bend = rows.scales.log_prior_of_scales(self.u)
         gradient, curvature = slope.copy(), np.zeros((self.u.size,) * 2)
@@ -196,7 +196,7 @@ class LinearPosterior:
     @property
     def inverse_variance_of_rows(self) -> Floats:
         """K, one over the variance of the error of each row alone."""
-        share = np.append(np.exp(-2.0 * self.u[self.rows.blocks :]), 1.0)
+        share = np.append(np.exp(-2.0 * self.u[self.rows.block_count :]), 1.0)
         return self.rows.weight * share[self.rows.scatter]
 
     def project(self, columns: Floats) -> tuple[Floats, Floats]:
@@ -234,7 +234,7 @@ class Evidence:
     log_evidence: float
 
 
-def evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
+def row_evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
     """Evidence with every row that is likelier bad than not, summed over one more.
 
     ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),

@@ -30,11 +30,11 @@ from taichi_erosion.evidence.data.comparison_rows import (
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
-from taichi_erosion.evidence.data.transforms import slope, unscale, working_residuals
+from taichi_erosion.evidence.data.transforms import from_scale, slope, working_residuals
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
-from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, nuisance, unlisted_blocks
+from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, error_blocks, unlisted_blocks
 from taichi_erosion.evidence.race.doses import dosing_of_fit
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import UNLISTED, Doses, Fit, Hypothesis, Race
@@ -58,7 +58,7 @@ class JointRows:
     runs: tuple[Bools, Floats, Floats] | None = None  # where runs answer (m,), their gap (m,), errors (m, q)
 
 
-def rows_at(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
+def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
     """New conditions as rows without a value, each with the scatter of one repeat.
 
     They are of no source. Raises KeyError for an observable without a fitted row.
@@ -99,11 +99,11 @@ def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
     rows = rows.select_rows(np.isin(rows.names, fitted.names))
     which = fitted.observable_indices(rows.names)
     rows = replace(rows, observables=fitted.observables, which=which, noise=fitted.noise)
-    variance = np.where(rows.has_noise, rows.variance, medians(fitted, fitted.variance)[which])
+    variance = np.where(rows.has_noise, rows.variance, row_medians(fitted, fitted.variance)[which])
     return add_correlation(replace(rows, variance=variance), prepared.heaps) if rows.size else None
 
 
-def medians(rows: ComparisonRows, values: Floats) -> Floats:
+def row_medians(rows: ComparisonRows, values: Floats) -> Floats:
     """Median of some values of rows for each observable; 0 where it has no row."""
     indices = [values[rows.which == k] for k in range(len(rows.observables))]
     return np.array([np.median(each) if each.size else 0.0 for each in indices])
@@ -112,7 +112,7 @@ def medians(rows: ComparisonRows, values: Floats) -> Floats:
 def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
-    both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), medians(p.rows, p.seed_variance)
+    both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), row_medians(p.rows, p.seed_variance)
     predictor = p.predictor.at_rows(both.observables, both.which, both.conditions)
     joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
     model = RaceModel(joint, priors=race.priors)
@@ -124,7 +124,7 @@ def join_to_fitted(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) 
     steep, size = np.zeros(other.size), np.zeros(other.size)
     for k, observable in enumerate(other.observables):
         column = other.which == k
-        value = unscale(observable, mean[column])
+        value = from_scale(observable, mean[column])
         steep[column] = slope(observable, value)
         size[column] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[column]
     sizes = np.append(np.max(fitted.shared, axis=1, initial=0.0), np.nan_to_num(size))
@@ -148,19 +148,19 @@ class Outlook:
 
     def mean(self, smooth: bool = True) -> Floats:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
-        return self.start + self.scaled_columns(smooth)[0] @ self.solution.centre
+        return self.start + self.columns_over_sd(smooth)[0] @ self.solution.centre
 
     def conditional_covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
-        factor, alone = self.scaled_columns(smooth)
+        factor, alone = self.columns_over_sd(smooth)
         return factor @ self.solution.inverse @ factor.T + alone @ alone.T
 
     def conditional_variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
-        factor, alone = self.scaled_columns(smooth)
+        factor, alone = self.columns_over_sd(smooth)
         return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
-    def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
+    def columns_over_sd(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
         tau = np.append(self.solution.tau, np.exp(np.append(self.solution.u, 0.0)[self.scale_numbers]))
         whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)
@@ -187,12 +187,12 @@ class Forecast:
         quantiles = []
         for row, k in zip(low.T, self.rows.which, strict=True):
             observable = self.rows.observables[k]
-            ends = unscale(observable, row)
+            ends = from_scale(observable, row)
             low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
             quantiles.append(Interval(float(middle), float(low), float(high)))
         return quantiles
 
-    def below(self) -> Floats:
+    def share_below(self) -> Floats:
         """Share of one more measurement that lies below each measured value (m,)."""
         return self.weight @ special.ndtr((self.rows.z - self.centre) / self.new_value)
 
@@ -216,7 +216,7 @@ def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses 
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
-    usual, unknown = nuisance(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
+    usual, unknown = error_blocks(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
     large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
@@ -264,7 +264,7 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     )
 
 
-def kappa(place: JointRows, solved: LinearPosterior) -> Floats:
+def scatter_ratio(place: JointRows, solved: LinearPosterior) -> Floats:
     """Scatter of other rows over what is stated (m,)."""
     evidence = dict(zip(solved.rows.scales.names, solved.u, strict=True))
     return np.exp([evidence.get(f"scatter {name}", 0.0) for name in place.rows.names])
@@ -280,12 +280,12 @@ def forecast(posterior: Posterior, place: JointRows) -> Forecast:
         for now, _, weight in draw_scales(view.solution, p, random):
             at = replace(view, solution=now)
             mean = at.conditional_variance() + place.mean_variance + numerical
-            parts.append((weight, at.mean(), mean, mean + kappa(place, now) ** 2 * scatter))
+            parts.append((weight, at.mean(), mean, mean + scatter_ratio(place, now) ** 2 * scatter))
     weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
     return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
 
 
-def leave_one_out(posterior: Posterior) -> Floats:
+def leave_one_out_shares(posterior: Posterior) -> Floats:
     """Share of its prediction by all other rows that lies below each fitted row (n,), whitened.
 
     With P = V^-1 at scales u of a hypothesis, and b by how much the variance of a bad row exceeds the usual,

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, PRIORS, SEED, Priors
-from taichi_erosion.evidence.race.search import log_prior, search_effect_sets
+from taichi_erosion.evidence.race.search import log_prior_of, search_effect_sets
 
 SCALES = 60  # draws of the scales of one hypothesis
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
@@ -92,7 +92,7 @@ class Posterior:
     @cached_property
     def number_draws(self) -> tuple[Floats, Floats]:
         """Calibrated numbers (m, p) in their units, and weights (m,)."""
-        count, unit_values = self.race.model.count, self.race.model.in_units
+        count, unit_values = self.race.model.count, self.race.model.numbers_in_units
         values = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
         return values, np.concatenate([each.weight for each in self.draws])
 
@@ -171,14 +171,14 @@ def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Poster
     fit = race.bare
     for name in names:
         hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
-        fit_with = race.fits.get(hypothesis) or race.add_effect(fit, name, log_prior(race, hypothesis))
+        fit_with = race.fits.get(hypothesis) or race.add_effect(fit, name, log_prior_of(race, hypothesis))
         if fit_with is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = fit_with if fit_with.is_optimum else race.optimise_setting(fit_with)
-    return restrict(race, lambda h: h.names == names and {*h.extra} <= UNLISTED)
+    return restrict_hypotheses(race, lambda h: h.names == names and {*h.extra} <= UNLISTED)
 
 
-def restrict(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
+def restrict_hypotheses(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
     """The posterior if one of some hypotheses is true."""
     share = {h: p for h, p in race.posterior_probabilities().items() if wanted(h)}
     total = max(sum(share.values()), 1e-300)

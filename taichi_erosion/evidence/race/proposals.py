@@ -20,11 +20,11 @@ from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
-from taichi_erosion.evidence.data.transforms import unscale
+from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis
-from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, outlook, rows_at
+from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, new_rows, outlook, scatter_ratio
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.record import ExperimentPart, Interval
@@ -53,10 +53,10 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
     leading = next(iter(weights))
     if sum(p for h, p in posterior.probability.items() if agrees_with(leading, h)) >= SURE:
         return ()
-    race, rows = posterior.race, all_measurements(posterior.race.prepared, laboratory.ranges)
+    race, rows = posterior.race, possible_rows(posterior.race.prepared, laboratory.ranges)
     place = joint_rows(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
-    rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
+    rivals = [rival_at_rows(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
     design = best_design(rivals, cost)
     return tuple(experiment_record(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
@@ -86,20 +86,20 @@ def likeliest_explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypo
     shares = dict(sorted(answers.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(shares))
 
-    def agreeing(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
+    def agreement(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
         return sum(p for other, p in some.items() if agrees_with(leading, other) == agrees_with(leading, h))
 
     probabilities = {h: p for h, p in shares.items() if p > 0.1 * KEEP}
-    return {h: p * agreeing(probability, h) / agreeing(probabilities, h) for h, p in probabilities.items()}
+    return {h: p * agreement(probability, h) / agreement(probabilities, h) for h, p in probabilities.items()}
 
 
 # -- what they expect
 
 
-def rival(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
+def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     other = outlook(place, fit)
-    scatter = kappa(place, other.solution) ** 2
+    scatter = scatter_ratio(place, other.solution) ** 2
     covariance = other.conditional_covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
@@ -111,20 +111,20 @@ def experiment_record(
     expected, observable = {}, rows.observables[rows.which[at]]
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
-        ends = np.maximum(unscale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
+        ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
         expected[name_of_hypothesis(each.hypothesis)] = Interval(*map(float, ends))
     conditions = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
     return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 
 
-def all_measurements(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
+def possible_rows(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
     """Every measurement that a laboratory could make."""
     rows, names, sets = prepared.rows, [], []
     for k in np.unique(rows.which):
         sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
-    cases = rows_at(prepared, NewConditions(tuple(names), conditions))
+    cases = new_rows(prepared, NewConditions(tuple(names), conditions))
     return replace(cases, group=tuple(f"|{row}" for row in range(cases.size)))  # each a set-up of its own
 
 

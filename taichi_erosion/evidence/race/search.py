@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_weight_of
+from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 
 
@@ -38,7 +38,7 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     return (1.0 - priors.nothing - priors.unlisted) * step**size / whole
 
 
-def log_prior(race: Race, hypothesis: Hypothesis) -> float:
+def log_prior_of(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
     whole = prior(race, hypothesis, race.priors) / comb(len(race.model.candidates), len(hypothesis.names))
     return log(whole / (len(race.large) - 1 if hypothesis.extra else 1))
@@ -74,7 +74,7 @@ def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     for name in effects:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
-            if (fit := race.add_effect(parent, name, log_prior(race, hypothesis))) is not None:
+            if (fit := race.add_effect(parent, name, log_prior_of(race, hypothesis))) is not None:
                 race.store_fit(fit)
 
 
@@ -83,48 +83,48 @@ def add_unlisted_effect(race: Race, parent: Fit) -> None:
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (along if along == EACH_SET_UP else OUTSIDE,), along)
         if hypothesis not in race.fits and any(block.kind == "unlisted" for block in blocks):
-            most, price = 0 if along == EACH_SET_UP else 2, log_prior(race, hypothesis)
+            most, price = 0 if along == EACH_SET_UP else 2, log_prior_of(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
             race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), most))
 
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
-    parents = best_of_size(race, size, 0.1 * KEEP, MOST - size)
+    parents = best_sets(race, size, 0.1 * KEEP, MOST - size)
     for parent in parents:
         add_every_effect(race, parent, effects)
-    for fit in [each for each in best_of_size(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
+    for fit in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
         race.optimise_setting(fit)
-    for fit in best_of_size(race, size + 1, 10.0 * KEEP, 1):
+    for fit in best_sets(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
             rest = race.fits.get(Hypothesis(remove_name(fit.hypothesis.names, name)))
             if rest is not None:
                 add_every_effect(race, rest, effects)
-        for near in [each for each in best_of_size(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
+        for near in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
             race.optimise_setting(near)
 
 
-def best_of_size(race: Race, size: int, least: float, most: int) -> list[Fit]:
+def best_sets(race: Race, size: int, least: float, most: int) -> list[Fit]:
     """The best sets of one size, likely ones alone where the rows do not refute the best of all.
 
     Where all are refuted, one that is far behind may be the nearest to what is right.
     """
     plain = race.effect_sets()
     fits = sorted(race.effect_sets(size), key=lambda fit: -fit.log_evidence)
-    total = float(np.logaddexp.reduce([*map(log_weight_of, plain)]))
+    total = float(np.logaddexp.reduce([*map(log_joint, plain)]))
     if is_adequate(max(plain, key=lambda fit: fit.log_evidence)):
-        fits = [fit for fit in fits if log_weight_of(fit) > total + log(least)]
+        fits = [fit for fit in fits if log_joint(fit) > total + log(least)]
     return fits[:most]
 
 
 def prune_sets_of_effects(race: Race) -> None:
     """Sets without one member of the best, fitted from its optimum, until none of them is better."""
     best = None
-    while best is not (now := max(race.effect_sets(), key=log_weight_of)):
+    while best is not (now := max(race.effect_sets(), key=log_joint)):
         best = now
         for name in best.hypothesis.names if len(best.hypothesis.names) > 1 else ():
             rest = Hypothesis(remove_name(best.hypothesis.names, name))
-            race.fit_without_effect(best, name, log_prior(race, rest))
+            race.fit_without_effect(best, name, log_prior_of(race, rest))
 
 
 def remove_name(names: Acting, name: str) -> Acting:

@@ -63,7 +63,7 @@ def trim_answer(answer: Answer, record: Record) -> Answer:
     return Answer(missing, holds, following, answer.table)
 
 
-def first_step(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
+def first_step_text(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
     if not record.repeats and part_words.can_test_any_effect(record):
         return ""
@@ -78,7 +78,7 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     missing = first, errors, part_words.failing_places_line(record)
     holds = (part_words.scatter_line(record, voc), part_words.calibrated_numbers_line(record, before=True))
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_misfit_rows(record, voc)))
-    following = (f"{first_step(record, 'compare', voc) or last}.",)
+    following = (f"{first_step_text(record, 'compare', voc) or last}.",)
     return trim_answer(Answer(missing, holds, following, table), record)
 
 
@@ -86,12 +86,12 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
     rows, p = part_words.row_count_text(record), record.p_lack_of_fit
     size = f"misfit per row {plain(record.chi2_per_row_before, 2)}, where 1 is chance"
-    size += f"; {say.chance(record.p_misfit)}"
-    size += "" if isnan(p) else f"; against repeats alone {say.chance(p)}"
+    size += f"; {say.p_text(record.p_misfit)}"
+    size += "" if isnan(p) else f"; against repeats alone {say.p_text(p)}"
     if part_words.agrees(record):
         return f"The calibrated model {part_words.agreement_text(record)} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
-    if not (record.p_misfit < ADEQUATE or part_words.misfit_places(record)):
+    if not (record.p_misfit < ADEQUATE or part_words.worst_places(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
         words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt_text(record)}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
@@ -102,7 +102,7 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
     firm, either = part_words.sure_and_group(record)
-    names = part_words.acting_phrase(record) if firm or either else ""
+    names = part_words.acting_text(record) if firm or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.misfit_line(record, names))))
     numbers = part_words.calibrated_numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.candidate_table_rows(record)) if part_words.can_test_any_effect(record) else ()
@@ -112,7 +112,7 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     vault = record.vault
     before, _, last = adoption_lines(record, vault, voc) if vault and vault.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
-    return trim_answer(Answer(missing, holds, (steps_after_discovery(record, voc, last),), table), record)
+    return trim_answer(Answer(missing, holds, (discovery_steps_text(record, voc, last),), table), record)
 
 
 def sensitivity_table(record: Record) -> Table | None:
@@ -121,14 +121,14 @@ def sensitivity_table(record: Record) -> Table | None:
     rows = []
     for prior, answers in record.sensitivity.items():
         chances = (say.probability_text(part_words.answer_probability(record, each)) for each in answers)
-        cells = map("{} ({})".format, map(part_words.acting_phrase, answers), chances)
+        cells = map("{} ({})".format, map(part_words.acting_text, answers), chances)
         rows.append((part_words.PRIORS[prior], *cells))
     return Table(title, ("prior", "halved", "doubled"), tuple(rows)) if rows else None
 
 
-def steps_after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
+def discovery_steps_text(record: Record, voc: say.Vocabulary, adopted: str) -> str:
     proposals, verdict = voc.command("next", voc.study), record.verdict
-    steps = first_step(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
+    steps = first_step_text(record, "discover", voc), *([adopted] if adopted else action_texts(record, voc))
     if words := "; then ".join(filter(None, steps)):
         return f"{words}."
     if verdict == "outside_library" or record.refuted:
@@ -140,7 +140,7 @@ def steps_after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> 
     return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
 
 
-def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
+def action_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
     (firm, either), named = part_words.sure_and_group(record), record.named
     if named and firm:
@@ -162,7 +162,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
         return trim_answer(Answer((words,), (), (), None), record)
     first, numbers, last = adoption_lines(record, vault, voc)
-    following = (f"{first_step(record, 'adopt', voc, *vault.adopted) or last}.",)
+    following = (f"{first_step_text(record, 'adopt', voc, *vault.adopted) or last}.",)
     holds = control_sentence(vault, voc), numbers
     return trim_answer(Answer((first,), holds, following, error_table(record, vault)), record)
 
@@ -176,7 +176,7 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
     way = "falls" if after < before else "rises"
     misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
-    failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
+    failing = [f"{name} rows ({say.p_text(p)})" for name, p in misfits.items() if p < ADEQUATE]
     if not part_words.naming_lowers_misfit(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
@@ -187,7 +187,7 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
         last = f"Go on with {voc.sequel}: {voc.command('discover', voc.sequel)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
-    remainder = f"what is left is chance ({say.chance(vault.p_after)})"
+    remainder = f"what is left is chance ({say.p_text(vault.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {remainder}."
     if after >= before:
         first = f"The {rows} hardly test {names}: their error goes {change}; {remainder}."
@@ -262,7 +262,7 @@ def experiment_table_row(experiment: ExperimentPart, keys: list[str], voc: say.V
     expected = (experiment.predictions.get(key) for key in keys)
     values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
     at, chance = voc.units.conditions_text(experiment.conditions), say.probability_text(experiment.chance)
-    return heading(say.quantity(name), unit), at, *values, chance, plain(experiment.cost, 2)
+    return heading(say.in_words(name), unit), at, *values, chance, plain(experiment.cost, 2)
 
 
 def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
@@ -300,7 +300,7 @@ def coverage_line(rows: str, check: CheckPart) -> str:
     """How many measured values lie inside their intervals."""
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
-    few = f": the intervals are too narrow ({say.chance(check.p)})" * (check.p < ADEQUATE)
+    few = f": the intervals are too narrow ({say.p_text(check.p)})" * (check.p < ADEQUATE)
     limits = f" {count_noun(check.limits, 'row')} with a limit cannot be checked." * bool(check.limits)
     return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}.{limits}"
 
@@ -311,7 +311,7 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
         return None
     names = prediction.rows[0].condition_units
     columns = ("observable", *map(heading, names, names.values()), "model", *INTERVALS)
-    titles = [heading(say.quantity(r.observable), units.value_unit(r.observable)) for r in prediction.rows]
+    titles = [heading(say.in_words(r.observable), units.value_unit(r.observable)) for r in prediction.rows]
     places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
     cells = ((*value_cells(row, units), out_of_range_text(row)) for row in prediction.rows)
     titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]

@@ -53,13 +53,13 @@ def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
     """Levels, and where wanted `every` error that nobody stated, of rows that can test something."""
     levels = [each for each in record.levels if each.probability >= SURE]
     errors = record.errors if every and can_test_any_effect(record) else ()
-    words = say.first_and_count([error_text(each, voc) for each in (*levels, *errors)])
+    words = say.first_and_count_text([error_text(each, voc) for each in (*levels, *errors)])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 
 def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, label = f"the {say.quantity(error.observable)}", getattr(error, "label", "")
+    name, label = f"the {say.in_words(error.observable)}", getattr(error, "label", "")
     more, lies = ("more", "above") if error.value > 0.0 else ("less", "below")
     unit = unit_mistake_text(error.value) if error.kind == "factor" else ""
     times, far = f"{say.interval(error, 3)} times", voc.difference_text(error.observable, error)
@@ -89,7 +89,7 @@ def unit_mistake_text(factor: float) -> str:
     return f" ({words}?)" if words else ""
 
 
-def misfit_places(record: Record) -> list[parts.PlacePart]:
+def worst_places(record: Record) -> list[parts.PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
     return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
@@ -97,12 +97,12 @@ def misfit_places(record: Record) -> list[parts.PlacePart]:
 def failing_places_line(record: Record) -> str:
     """`Where the model fails: the measured flux lies above the model at large moisture (p = 0.002).`"""
     words = []
-    for each in misfit_places(record):
-        at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
+    for each in worst_places(record):
+        at = "everywhere" if each.axis == "level" else f"at large {say.in_words(each.axis)}"
         way = "below" if each.sign < 0 else "above"
-        what = f"the measured {say.quantity(each.observable)} lies {way} the model {at}"
-        words.append(f"{what} ({say.chance(each.p)})")
-    return f"Where the model fails: {say.first_and_count(words)}." if words else ""
+        what = f"the measured {say.in_words(each.observable)} lies {way} the model {at}"
+        words.append(f"{what} ({say.p_text(each.p)})")
+    return f"Where the model fails: {say.first_and_count_text(words)}." if words else ""
 
 
 def can_test_any_effect(record: Record) -> bool:
@@ -136,13 +136,13 @@ def doubt_text(record: Record) -> str:
 
 def fails(record: Record) -> bool:
     """Whether the calibrated model fails as a whole, against repeats, or in a place."""
-    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(misfit_places(record))
+    return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(worst_places(record))
 
 
 def agreement_text(record: Record) -> str:
     """`agrees with all 30 rows if the sand flux scatters 2.9 times as much as its sd or repeats`."""
     wide = (each for each in record.errors if each.kind == "scatter" and each.low > 1.0)
-    sizes = (f"the {say.quantity(each.observable)} scatters {plain(each.value, 2)} times" for each in wide)
+    sizes = (f"the {say.in_words(each.observable)} scatters {plain(each.value, 2)} times" for each in wide)
     words = [f"{size} as much as its sd or repeats" for size in sizes]
     words += ["set-ups differ"] * any(each.kind == "group" for each in record.errors)
     return f"agrees with {row_count_text(record)}{f' if {say.join_words(words)}' if words else ''}"
@@ -156,8 +156,8 @@ def scatter_line(record: Record, voc: say.Vocabulary) -> str:
         size = f"{plain(100.0 * each.sd, 2)} %" if share else voc.units.value_text(name, each.sd)
         origin = f"repeats ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
         both = f"what is stated and {origin}, which scatter {plain(each.factor, 2)} times as much"
-        words.append(f"{say.quantity(name)} {size}, from {both if isfinite(each.factor) else origin}")
-    return f"Scatter of single measurements: {say.first_and_count(words)}." if words else ""
+        words.append(f"{say.in_words(name)} {size}, from {both if isfinite(each.factor) else origin}")
+    return f"Scatter of single measurements: {say.first_and_count_text(words)}." if words else ""
 
 
 def misfit_line(record: Record, added: str) -> str:
@@ -165,13 +165,13 @@ def misfit_line(record: Record, added: str) -> str:
     if not added:
         return ""
     before, after = plain(record.chi2_per_row_before, 2), plain(record.chi2_per_row_after, 2)
-    words = f"Misfit per fitted row: {before} before ({say.chance(record.p_misfit)}), {after} with {added}"
+    words = f"Misfit per fitted row: {before} before ({say.p_text(record.p_misfit)}), {after} with {added}"
     p, fresh = record.p_misfit_after, record.fresh_runs
     rest = " The model still fails: something else acts too, or by another law." * (p < ADEQUATE)
     rest += f" Chance makes such a misfit {RARELY}: another law may act." * (ADEQUATE <= p < AGREED)
     if fresh is not None and fresh.outcome in TESTED:
         rest += f" {count_noun(fresh.runs, 'new simulation')} {TESTED[fresh.outcome]}."
-    return f"{words} ({say.chance(p)}); 1 is chance.{rest}"
+    return f"{words} ({say.p_text(p)}); 1 is chance.{rest}"
 
 
 def calibrated_numbers_line(record: Record, before: bool, without: str = "") -> str:
@@ -180,13 +180,13 @@ def calibrated_numbers_line(record: Record, before: bool, without: str = "") -> 
     without = "" if record.p_misfit_after < ADEQUATE else without
     last = [path.rpartition(".")[2] for path in record.parameters]
     for end, (path, each) in zip(last, record.parameters.items(), strict=True):
-        name = say.quantity(end) if last.count(end) == 1 else path
+        name = say.in_words(end) if last.count(end) == 1 else path
         has_moved = not each.low <= each.before.value <= each.high
         biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and has_moved else ""
         words.append(f"{name} {say.interval(each.before if before else each, 3)}{biased}")
         ends += [name] * each.at_end
     more = f" At the end of the searched range: {say.join_words(ends)}; check range and unit." if ends else ""
-    return f"Calibrated: {say.first_and_count(words)}.{more}" if words else ""
+    return f"Calibrated: {say.first_and_count_text(words)}.{more}" if words else ""
 
 
 def observable_misfit_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
@@ -194,9 +194,9 @@ def observable_misfit_rows(record: Record, voc: say.Vocabulary) -> Iterator[tupl
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
         gap = voc.scale(name) * record.rows.residuals(record.rows.before)[names == name]
-        axes = ", ".join(say.quantity(each.axis) for each in misfit_places(record) if each.observable == name)
+        axes = ", ".join(say.in_words(each.axis) for each in worst_places(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
-        title = heading(say.quantity(name), voc.units.value_unit(name))
+        title = heading(say.in_words(name), voc.units.value_unit(name))
         yield title, str(gap.size), *errors, axes or "nowhere"
 
 
@@ -209,7 +209,7 @@ def sure_and_group(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[
     return (*decided.named, *firm), (*decided.group, *(() if firm else mechanisms))
 
 
-def acting_phrase(decided: parts.DecisionPart) -> str:
+def acting_text(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
     firm, either = sure_and_group(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
@@ -218,10 +218,10 @@ def acting_phrase(decided: parts.DecisionPart) -> str:
 
 def prior_change_text(record: Record) -> str:
     """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
-    usual, places = acting_phrase(record), dict[str, list[str]]()
+    usual, places = acting_text(record), dict[str, list[str]]()
     for prior, answers in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), answers, strict=True):
-            places.setdefault(acting_phrase(each), []).append(f"{PRIORS[prior]} are {way}")
+            places.setdefault(acting_text(each), []).append(f"{PRIORS[prior]} are {way}")
     moves = [f"{n} only where {say.join_words(at, 'or')}" for n, at in places.items() if n != usual]
     return f"{usual} is told, {say.join_words(moves)}" if moves else "no name moves"
 
@@ -255,7 +255,7 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
         words = f"{turns.get(curve.shape, f'{curve.shape} with it')} relative to the model"
-        yield f"It acts with {say.quantity(curve.condition)}: the {say.quantity(curve.observable)} {words}."
+        yield f"It acts with {say.in_words(curve.condition)}: the {say.in_words(curve.observable)} {words}."
 
 
 def cause_text(name: str, record: Record, voc: say.Vocabulary) -> str:
@@ -305,11 +305,11 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if record.refuted:
         return refuted_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
-    places, chances = misfit_places(record), [record.p_misfit, record.p_lack_of_fit]
+    places, chances = worst_places(record), [record.p_misfit, record.p_lack_of_fit]
     state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
     if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
-    state = f"the model {state} ({say.chance(float(np.nanmin([*chances, *(each.p for each in places)])))})"
+    state = f"the model {state} ({say.p_text(float(np.nanmin([*chances, *(each.p for each in places)])))})"
     alike = agrees(record) and share >= LIKELY and all(each.kind != "group" for each in record.errors)
     if leading == "none" and (alike or (share >= SURE and not places)):
         common = " by errors of measurement" * fails(record)
@@ -317,7 +317,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"; a name needs {SURE:g}" * (leading not in ("none", "each_set_up"))
     if why and share >= SURE:
-        why = f"; among so many candidates one looks as good by chance with {say.chance(record.p)}"
+        why = f"; among so many candidates one looks as good by chance with {say.p_text(record.p)}"
     titles = say.join_words(map(voc.effect_title, leading.split("+")))
     name = say.EXPLANATIONS.get(leading, f"{titles} alone")
     share = share if share >= SURE else min(share, SURE - 0.01)  # not 0.90 where 0.9 is missed

@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.vocabulary import quantity
+from taichi_erosion.evidence.words.vocabulary import in_words
 from taichi_erosion.tables.number_words import count_noun, heading, plain, with_unit
 
 Document = Mapping[str, Any]
@@ -40,7 +40,7 @@ def run_table(document: Document) -> Table:
         got, want = (nan if each.get("value") is None else each["value"] for each in (measure, datum))
         share = f" ({(got - want) / want:+.0%})" if want else ""
         gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
-        title = heading(quantity(name), measure.get("unit") or datum.get("unit") or "")
+        title = heading(in_words(name), measure.get("unit") or datum.get("unit") or "")
         rows.append((title, with_sd_text(measure, len(document["replicas"])), with_sd_text(datum), gap))
     return Table("", COLUMNS, tuple(rows))
 
@@ -48,7 +48,7 @@ def run_table(document: Document) -> Table:
 def measured_value_texts(document: Document) -> Iterator[str]:
     """One sentence for every measured value."""
     for name, datum in document["measured"].items():
-        measure, title = document["measures"].get(name, {}), quantity(name)
+        measure, title = document["measures"].get(name, {}), in_words(name)
         if any(each["blocks"] for each in measure.get("shortfalls", ())):
             yield f"The {title} cannot be compared with the measured one: see the warning."
         elif measure.get("value") is None or not isfinite(measure["value"]):
@@ -103,7 +103,7 @@ def run_warnings(document: Document) -> list[str]:
     counts = Counter(line for replica in document["replicas"] for line in replica.get("warnings", ()))
     among = len(document["replicas"])
     return [
-        *(f"{', '.join(quantity(name) for name, _ in alike)}: {alike[0][1]['sentence']}" for alike in groups),
+        *(f"{', '.join(in_words(name) for name, _ in alike)}: {alike[0][1]['sentence']}" for alike in groups),
         *(f"{line} ({count} of {count_noun(among, 'repeat')})" for line, count in counts.items()),
         *document.get("limits", {}).get("warnings", ()),
     ]
@@ -113,8 +113,8 @@ def run_notes(document: Document) -> Iterator[str]:
     """Limits that the scene states, notes of measures, and what its stiffness and contacts imply."""
     for name, measure in document["measures"].items():
         limits = (each["sentence"] for each in measure.get("shortfalls", ()) if each["stated"])
-        yield from (f"{quantity(name)}: {sentence}" for sentence in limits)
-        yield from (f"{quantity(name)}: {note}" for note in measure.get("notes", ()))
+        yield from (f"{in_words(name)}: {sentence}" for sentence in limits)
+        yield from (f"{in_words(name)}: {note}" for note in measure.get("notes", ()))
     yield from set_up_consequences(document)
     sources = {datum.get("source") for datum in document["measured"].values()}
     yield from (f"measured: {source}" for source in sources if source)
@@ -132,7 +132,7 @@ def set_up_consequences(document: Document) -> Iterator[str]:
         )
 
 
-def run_cost_and_origin(document: Document) -> str:
+def cost_and_origin_text(document: Document) -> str:
     """`2 repeats in 8.5 s, 2.86e+06 grain-steps/s, scene 550ba494cbcb, seed 1`."""
     seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
     speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
@@ -141,7 +141,7 @@ def run_cost_and_origin(document: Document) -> str:
     return f"{count}, scene {document['hash']}, seed {document['seed']}"
 
 
-def next_steps(document: Document) -> Iterator[str]:
+def step_texts(document: Document) -> Iterator[str]:
     """What can be done with a run."""
     if recording := document.get("recording"):
         view, page = shell_command("view", recording), shell_command("report", recording)

@@ -70,7 +70,7 @@ class Vocabulary:
         return interval(size, 2, sign * self.scale(observable), self.units.value_unit(observable))
 
 
-def quantity(name: str) -> str:
+def in_words(name: str) -> str:
     """An observable, condition or number in words: `threshold friction velocity`, `pile height`."""
     return QUANTITIES.get(name, name.replace("_", " "))
 
@@ -82,7 +82,7 @@ def interval(size: Interval, digits: int = 2, scale: float = 1.0, unit: str = ""
     return "-" if isnan(size.value) else f"{with_unit(value, unit)} ({low} to {high})"
 
 
-def chance(p: float) -> str:
+def p_text(p: float) -> str:
     """`p = 0.03`."""
     return f"p < {plain(LEAST_TOLD)}" if p < LEAST_TOLD else f"p = {plain(p, 2)}"
 
@@ -98,7 +98,7 @@ def join_words(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
-def first_and_count(words: Sequence[str], between: str = "; ") -> str:
+def first_and_count_text(words: Sequence[str], between: str = "; ") -> str:
     """The first of some clauses, and how many more there are."""
     more = [f"and {len(words) - MOST_TOLD} more"] if len(words) > MOST_TOLD else []
     return between.join([*words[:MOST_TOLD], *more])

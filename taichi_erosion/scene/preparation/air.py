@@ -142,7 +142,7 @@ def upper_bound_of_air_speed(air: AirBox) -> float:
     return max(blowing + gust, moving, driven)
 
 
-def longest_step(scene: AirScene) -> float:
+def stable_step(scene: AirScene) -> float:
     """Longest stable time step [s]."""
     return min(air_time_step_limits(scene.air, COURANT_MOST))
 

@@ -44,7 +44,7 @@ def effective_shear_modulus(a: Material, b: Material) -> float:
     return 1.0 / ((2.0 - a.poisson_ratio) / shear_modulus(a) + (2.0 - b.poisson_ratio) / shear_modulus(b))
 
 
-def true_young(material: Material) -> float:
+def unsoftened_modulus(material: Material) -> float:
     """Young's modulus before softening [Pa]."""
     if material.softening is None:
         return young_modulus(material)
@@ -64,7 +64,7 @@ def simulated_surface_energy(grains: Grains, contact: Contact, a: Material, b: M
     energy = contact.surface_energy * grains.adhesion_scale
     if "sticking_velocity" not in rules:
         return energy
-    true = 1.0 / (plane_compliance(a, true_young(a)) + plane_compliance(b, true_young(b)))
+    true = 1.0 / (plane_compliance(a, unsoftened_modulus(a)) + plane_compliance(b, unsoftened_modulus(b)))
     return energy * (effective_young_modulus(a, b) / true) ** STICKING_EXPONENT
 
 
@@ -81,7 +81,7 @@ def contact_table(scene: Scene) -> ContactTable:
                 effective_shear_modulus(a, b),
                 contact.restitution,
                 contact.friction_sliding,
-                contact.friction_rolling * contact.rolling_lever,
+                contact.friction_rolling * contact.rolling_radius_ratio,
                 contact.rolling_damping,
                 simulated_surface_energy(scene.grains, contact, a, b),
                 float(contact.acted_on),

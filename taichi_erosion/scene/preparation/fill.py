@@ -16,7 +16,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
 from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.walls import box_of_points, closed_mesh, distance_to_wall, mesh_depths
+from taichi_erosion.scene.preparation.walls import bounding_box, closed_mesh, distance_to_wall, mesh_depths
 from taichi_erosion.scene.schema.fields import FARTHEST, Vector, resolve, unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
@@ -72,7 +72,7 @@ def pour_with_inlets_open(scene: Scene, time: float, at: Sequence[float], name: 
 
     Those of the scene open once the `latest` grain [s] has fallen clear. Raises BadInput where there is none.
     """
-    wide = sizes.reach_ratio(scene.grains) * sizes.size_range(scene.grains)[1]
+    wide = sizes.bounding_radius_ratio(scene.grains) * sizes.size_range(scene.grains)[1]
     if len(at) not in (0, 3) or not np.all(np.abs(at) < FARTHEST):
         raise BadInput("insert: a place has coordinates x, y, z in m")
     if len(at):
@@ -146,7 +146,7 @@ def mesh_volume(mesh: Floats) -> float:
 
 def random_points_in_mesh(mesh: Floats, random: Generator) -> Places:
     """Random points inside a closed mesh, each with its depth [m], without end."""
-    low, high = box_of_points(mesh)
+    low, high = bounding_box(mesh)
     while True:
         points = random.uniform(low, high, (AT_ONCE // len(mesh) + 1, 3))
         deep = mesh_depths(mesh, points)
@@ -202,7 +202,7 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
                     for grain in fill.grains
                 ]
             ),
-            diameter=own_diameters(scene, fill),
+            diameter=placed_diameters(scene, fill),
             release_time=np.zeros(len(fill.grains)),
         )
     if isinstance(fill, Bed):
@@ -211,7 +211,7 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
         place, velocity, spin, radius, kind = columns
         return InitialBodies(place, velocity, spin, kind.astype(np.int32), 2.0 * radius, 0.0 * radius)
     count, random = scene.grains.count, random_stream(seed, "places")
-    kind, diameter = draw_sizes_of(scene, random_stream(seed, "diameters"), random_stream(seed, "kinds"))
+    kind, diameter = kinds_and_sizes(scene, random_stream(seed, "diameters"), random_stream(seed, "kinds"))
     release = np.zeros(count)
     if isinstance(fill, Pour):
         position, velocity, release = pour_grains(scene, fill, kind, diameter, reach, seed)
@@ -225,14 +225,14 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     return InitialBodies(position, velocity, np.zeros_like(position), kind, diameter, release)
 
 
-def own_diameters(scene: Scene, fill: Positions) -> Floats:
+def placed_diameters(scene: Scene, fill: Positions) -> Floats:
     """Diameters of explicitly placed grains [n] m."""
     parts = scene.grains.parts
     nominal = {name: sizes.nominal_diameter(part.size) for name, part in parts.items()}
     return np.array([g.diameter or nominal[g.kind or scene.grains.material or ""] for g in fill.grains])
 
 
-def draw_sizes_of(scene: Scene, draw: Generator, order: Generator) -> tuple[Integers, Floats]:
+def kinds_and_sizes(scene: Scene, draw: Generator, order: Generator) -> tuple[Integers, Floats]:
     """Kinds and diameters [m] of all grains; several kinds in random order."""
     parts, counts = scene.grains.parts, sizes.grain_count_of_kinds(scene)
     diameter = np.concatenate([sizes.sample_diameters(parts[k].size, n, draw) for k, n in counts.items()])
@@ -325,14 +325,14 @@ def cubic_lattice(fill: Lattice) -> Floats:
     radius, half = fill.radius - margin, 0.5 * fill.length - margin
     steps = int((fill.radius + fill.length) / fill.pitch) + 1
     line = np.arange(-steps, steps + 1) * fill.pitch
-    points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in box_of(fill)], indexing="ij"), axis=-1)
+    points = np.stack(np.meshgrid(*[line[np.abs(line) <= b] for b in half_box(fill)], indexing="ij"), axis=-1)
     points = points.reshape(-1, 3)
     along = points @ axis
     inside = (np.linalg.norm(points - along[:, None] * axis, axis=1) <= radius) & (np.abs(along) <= half)
     return np.asarray(points[inside] + np.array(fill.centre), dtype=np.float64)
 
 
-def box_of(fill: Lattice) -> Vector:
+def half_box(fill: Lattice) -> Vector:
     """Half sides of the box around a cylinder [m]."""
     x, y, z = (
         abs(c) * 0.5 * fill.length + sqrt(max(1.0 - c * c, 0.0)) * fill.radius for c in unit_vector(fill.axis)
@@ -340,7 +340,7 @@ def box_of(fill: Lattice) -> Vector:
     return x, y, z
 
 
-def top_of_start(scene: Scene, reach_largest: float) -> float:
+def highest_start(scene: Scene, reach_largest: float) -> float:
     """Highest point at which a grain can start [m]; `reach_largest` bounds the grains' radii."""
     fill = scene.fill
     if isinstance(fill, Positions):
@@ -351,7 +351,7 @@ def top_of_start(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Bed):
         return float(saved_bed(scene, fill, scene.run.seed)["position"][:, 2].max()) + reach_largest
     if isinstance(fill, Lattice):
-        return fill.centre[2] + box_of(fill)[2] + reach_largest
+        return fill.centre[2] + half_box(fill)[2] + reach_largest
     if isinstance(fill, Layers):
         assert scene.periods_xy is not None
         along, across = places_per_layer(scene.periods_xy, fill)

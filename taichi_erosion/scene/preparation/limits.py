@@ -15,7 +15,7 @@ from taichi_erosion.scene.preparation.contacts import (
     shear_modulus,
     simulated_surface_energy,
 )
-from taichi_erosion.scene.preparation.fill import fall_time, inlet_mesh, mesh_volume, saved_bed, top_of_start
+from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
 from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
@@ -192,12 +192,12 @@ def time_step(scene: Scene) -> float:
     return scene.run.time_step_fraction * grain_rayleigh_time(scene)
 
 
-def expected_speed(scene: Scene) -> float:
+def largest_expected_speed(scene: Scene) -> float:
     """Largest speed to expect [m s-1]: free fall from the highest start to the lowest wall, and moving walls.
 
     v = sqrt(v_0^2 + 2 g h)
     """
-    top = top_of_start(scene, 0.5 * sizes.size_range(scene.grains)[1])
+    top = highest_start(scene, 0.5 * sizes.size_range(scene.grains)[1])
     bottom = min((float(bounding_box_of_wall(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
     speeds = [sqrt(initial_grain_speed(scene) ** 2 + fall)]
@@ -233,7 +233,7 @@ def smallest_grains_of_kinds(scene: Scene) -> Iterator[tuple[str, float, float, 
 
 def time_step_limits(scene: Scene) -> dict[str, float | None]:
     """Limits of the time step [s]; None where one does not apply."""
-    speed, least = expected_speed(scene), list(smallest_grains_of_kinds(scene))
+    speed, least = largest_expected_speed(scene), list(smallest_grains_of_kinds(scene))
     times: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
     times["rayleigh_time"] = grain_rayleigh_time(scene)
     if speed > 0.0:
@@ -308,7 +308,7 @@ def rolling_friction_sentences(scene: Scene) -> list[str]:
     """
     grains, lines = set(scene.grains.parts), []
     for pair, contact in sorted(scene.contact.items()):
-        reduced, ends = contact.friction_rolling * contact.rolling_lever, set(pair.split("-"))
+        reduced, ends = contact.friction_rolling * contact.rolling_radius_ratio, set(pair.split("-"))
         if scene.laws.rolling == "none" or reduced == 0.0 or not ends & grains:
             continue
         full, which = (reduced / 2.0, " (equal grains)") if ends <= grains else (reduced, "")
@@ -338,7 +338,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "time_step": chosen,
         "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
         "limits": limit,
-        "expected_speed": expected_speed(scene),
+        "expected_speed": largest_expected_speed(scene),
         "diameter": {"low": low, "nominal": sizes.nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_sentences(scene),

@@ -10,7 +10,7 @@ from taichi_erosion.scene.preparation.air import HEADROOM, air_over_patch, coupl
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, random_stream, saved_bed
 from taichi_erosion.scene.preparation.limits import time_step
-from taichi_erosion.scene.preparation.sizes import Body, reach_ratio, spheres_of_clump, union_body
+from taichi_erosion.scene.preparation.sizes import Body, bounding_radius_ratio, spheres_of_clump, union_body
 from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, primitive_table, wall_motions
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Positions
@@ -29,7 +29,7 @@ def laws(scene: Scene) -> Laws:
 def replica_setup(scene: Scene, seed: int) -> Setup:
     """Everything that defines one replica; the same scene and seed give the same bits."""
     body = union_body(spheres_of_clump(scene.grains.clump)) if scene.grains.clump else None
-    start = initial_bodies(scene, seed, reach_ratio(scene.grains))
+    start = initial_bodies(scene, seed, bounding_radius_ratio(scene.grains))
     names = materials_used(scene)
     material = np.array([names.index(name) for name in scene.grains.parts], dtype=np.int32)[start.kind]
     density = np.array([each.density for each in scene.grain_materials.values()])[start.kind]

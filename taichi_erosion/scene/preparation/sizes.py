@@ -125,12 +125,12 @@ def sieve_quantile(classes: Floats, quantile_class: Floats, quantile: Floats) ->
     return np.clip((low[row] ** -3 - quantile * span[row]) ** (-1.0 / 3.0), low[row], high[row])
 
 
-def mean_cube(size: Size) -> float:
+def mean_cubed_diameter(size: Size) -> float:
     """Mean of d^3 over the grains [m3]; times pi/6 it is the mean volume of a sphere."""
     if isinstance(size, Monodisperse):
         return size.diameter**3
     if isinstance(size, Lognormal):
-        return lognormal_mean_cube(size)
+        return lognormal_mean_d_cubed(size)
     low, high, share = sieve_size_classes(size).T
     return 1.0 / float(np.sum(share * (low**-3 - high**-3) / (3.0 * np.log(high / low))))
 
@@ -138,7 +138,7 @@ def mean_cube(size: Size) -> float:
 def kind_shares(scene: Scene) -> dict[str, float]:
     """Shares of the number of grains by kind [1], from shares of the mass: n ~ w / (rho E[d^3])."""
     weights = {
-        name: part.share / (scene.materials[name].density * mean_cube(part.size))
+        name: part.share / (scene.materials[name].density * mean_cubed_diameter(part.size))
         for name, part in scene.grains.parts.items()
     }
     return {name: weight / sum(weights.values()) for name, weight in weights.items()}
@@ -147,7 +147,7 @@ def kind_shares(scene: Scene) -> dict[str, float]:
 def scene_mean_cubed_diameter(scene: Scene) -> float:
     """Mean of d^3 over the grains of a scene [m3]."""
     parts = scene.grains.parts
-    return sum(share * mean_cube(parts[name].size) for name, share in kind_shares(scene).items())
+    return sum(share * mean_cubed_diameter(parts[name].size) for name, share in kind_shares(scene).items())
 
 
 def grain_count_of_kinds(scene: Scene) -> dict[str, int]:
@@ -156,7 +156,7 @@ def grain_count_of_kinds(scene: Scene) -> dict[str, int]:
     return dict(zip(scene.grains.parts, np.diff(edges).tolist(), strict=True))
 
 
-def lognormal_mean_cube(size: Lognormal) -> float:
+def lognormal_mean_d_cubed(size: Lognormal) -> float:
     """Mean of d^3 of a truncated lognormal distribution [m3].
 
     E[d^3] = D^3 exp(9 s^2 / 2) [Phi(b - 3 s) - Phi(a - 3 s)] / [Phi(b) - Phi(a)]
@@ -199,7 +199,7 @@ def spheres_of_clump(clump: Clump) -> tuple[Sphere, ...]:
     return tuple(((x, y, z), radius) for x, y, z in (corners * stretch).tolist())
 
 
-def reach_ratio(grains: Grains) -> float:
+def bounding_radius_ratio(grains: Grains) -> float:
     """Bounding radius of a grain over its nominal diameter [1]."""
     return union_body(spheres_of_clump(grains.clump)).reach if grains.clump else SPHERE_REACH
 

@@ -32,7 +32,7 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
 
     The margin leaves room for a spreading heap.
     """
-    boxes = [bounding_box_of_wall(scene, name) for name in scene.geometry] + [box_of_points(centres)]
+    boxes = [bounding_box_of_wall(scene, name) for name in scene.geometry] + [bounding_box(centres)]
     low = np.min(boxes, axis=0)[0] + farthest_wall_shift(scene, np.minimum)
     high = np.max(boxes, axis=0)[1] + farthest_wall_shift(scene, np.maximum)
     is_open = any(isinstance(wall, Plane) for wall in scene.geometry.values())
@@ -170,7 +170,7 @@ def closed_mesh(scene: Scene, path: str, mesh: Hull) -> Floats:
     import trimesh
 
     triangles = read_mesh_triangles(scene, path, mesh)
-    sides = np.ptp(box_of_points(triangles), axis=0)
+    sides = np.ptp(bounding_box(triangles), axis=0)
     solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles / sides.max()))
     is_closed = solid.is_watertight and solid.is_winding_consistent
     if not is_closed or abs(solid.volume) < FLAT * np.prod(sides / sides.max()):
@@ -204,21 +204,21 @@ def bounding_box_of_wall(scene: Scene, name: str) -> Floats:
     """Low and high corner [2, 3] m of the box around a wall; of a plane, only its point."""
     wall = scene.geometry[name]
     if isinstance(wall, Plane):
-        return box_of_points(np.array([wall.point]))
+        return bounding_box(np.array([wall.point]))
     if isinstance(wall, Box):
-        return box_of_points(np.array([wall.low, wall.high]))
+        return bounding_box(np.array([wall.low, wall.high]))
     if isinstance(wall, Mesh):
-        return box_of_points(read_mesh_triangles(scene, f"geometry.{name}", wall))
+        return bounding_box(read_mesh_triangles(scene, f"geometry.{name}", wall))
     corners = []  # of a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k
     for row in surface_of_revolution_rows(wall):
         point, axis = np.array(row[0:3]), np.array(row[3:6])
         for radius, height in (row[6:8], row[8:10]):
             reach = radius * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
             corners += [point + height * axis - reach, point + height * axis + reach]
-    return box_of_points(np.array(corners))
+    return bounding_box(np.array(corners))
 
 
-def box_of_points(points: Floats) -> Floats:
+def bounding_box(points: Floats) -> Floats:
     """Low and high corner [2, 3] m of the box around points [..., 3] m."""
     points = points.reshape(-1, 3)
     return np.array([points.min(axis=0), points.max(axis=0)])

@@ -242,7 +242,7 @@ class Contact(Section):
     )
 
     @property
-    def rolling_lever(self) -> float:
+    def rolling_radius_ratio(self) -> float:
         """The radius of friction_rolling over R*: a grain's own is twice R* between equal grains [1]."""
         return 2.0 if self.rolling_radius == "grain" else 1.0
 
@@ -260,7 +260,7 @@ def contact_of_two_kinds(a: Contact, b: Contact) -> Contact:
     """
     names = ("restitution", "friction_sliding", "friction_rolling", "rolling_damping", "surface_energy")
     mean = {name: sqrt(getattr(a, name) * getattr(b, name)) for name in names}
-    mean["friction_rolling"] *= sqrt(a.rolling_lever * b.rolling_lever)
+    mean["friction_rolling"] *= sqrt(a.rolling_radius_ratio * b.rolling_radius_ratio)
     return a.model_copy(
         update=mean | {"rolling_radius": "effective", "effects": None if a.acted_on and b.acted_on else False}
     )

@@ -423,7 +423,7 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     """Stages, clumps and moving walls that do not go with the air, or with none."""
     wind = scene.wind
     if wind is None:
-        paths = stage_paths_stating(scene, "friction_velocity", "through_flow", "steady_air")
+        paths = paths_of_stage_entries(scene, "friction_velocity", "through_flow", "steady_air")
         yield from (f"{path} needs a [wind] section" for path in paths)
         return
     if scene.domain.outside == "remove":
@@ -433,7 +433,7 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     if scene.grains.clump is not None:
         yield "wind: drag acts on single spheres; grains.clump must be left out"
     if wind.sleep_after is not None:
-        for path in stage_paths_stating(scene, "move"):
+        for path in paths_of_stage_entries(scene, "move"):
             yield f"{path}: no grain may sleep where walls move; leave wind.sleep_after out"
     yield from column_problems(wind) if wind.columns == (1, 1) else grid_problems(scene, wind)
 
@@ -446,7 +446,7 @@ def column_problems(wind: Wind) -> Iterator[str]:
         yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
 
 
-def stage_paths_stating(scene: Scene, *names: str) -> list[str]:
+def paths_of_stage_entries(scene: Scene, *names: str) -> list[str]:
     """Paths of some entries in the stages that state them."""
     stages, unstated = list(enumerate(scene.stages)), (None, {}, False)
     entries = ((k, name) for name in names for k, stage in stages if getattr(stage, name) not in unstated)
@@ -459,12 +459,12 @@ def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
         if count < COLUMNS_LEAST or count % 2:
             yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
     paths = ["wind.through_flow"] if wind.through_flow else []
-    for path in paths + stage_paths_stating(scene, "through_flow"):
+    for path in paths + paths_of_stage_entries(scene, "through_flow"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     for name in OF_ONE_COLUMN:
         if name in scene.measure:
             yield f"measure.{name} reads a single column of air; leave wind.columns out"
-    for path in stage_paths_stating(scene, "steady_air"):
+    for path in paths_of_stage_entries(scene, "steady_air"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     if "turbulent_gusts" in scene.effects and wind.closure != "mixing_length":
         yield "effects.turbulent_gusts: the grid has gusts of its own; leave the effect or the eddies out"

@@ -150,7 +150,7 @@ def unit_from_registry(name: str) -> Unit | None:
     return Unit(float(size.magnitude), tuple(sorted((unit, int(power)) for unit, power in powers.items())))
 
 
-def conversion(source: Unit, target: Unit) -> float | None:
+def conversion_factor(source: Unit, target: Unit) -> float | None:
     """Factor that turns numbers in `source` into numbers in `target`; None where the two differ in kind."""
     if source.kind != target.kind:
         return None
@@ -178,7 +178,7 @@ class Scale:
 def scale_between(text: str, target: Unit) -> Scale | None:
     """Scale from a unit as written to the unit of use; None where the two differ in kind."""
     source = parse_scale(text)
-    factor = conversion(source, target)
+    factor = conversion_factor(source, target)
     if factor is None:
         return None
     return Scale(text.strip(), factor, (source.origin - target.origin) / target.factor)

@@ -44,7 +44,7 @@ def is_sleep_decided_now(world: ti.template(), coupling: ti.template(), buffers:
 
 
 @ti.func
-def sum_chunk(world_out: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, p):
+def sum_chunk_by_cell(world_out: ti.template(), coupling_out: ti.template(), buffers: ti.template(), r, p):
     """Sums of the grains of one chunk in every cell of air."""
     if p < part_count(world_out, coupling_out, r):
         deposit_part(world_out, coupling_out, r, p)
@@ -78,11 +78,11 @@ def compile_sleep_task(change: Any) -> Any:
     """Task: one change of `grains.sleep` for one grain."""
 
     @ti.func
-    def sleep(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+    def update_sleep(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
         if rank < world_out.replicas.released[r]:
             change(world_out, r, side_start(world_out.grains, r, world_out.replicas.side[r]) + rank)
 
-    return sleep
+    return update_sleep
 
 
 GATHER, GATHER_ONLY = compile_air_force_task(True), compile_air_force_task(False)
@@ -96,7 +96,7 @@ def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:
     """
     grains, stages = world.grains.capacity, []
     if coupling.air is not None:
-        loads = (sum_chunk, chunks_for_grains(grains)), (load_air_cell, coupling.air.cell_count)
+        loads = (sum_chunk_by_cell, chunks_for_grains(grains)), (load_air_cell, coupling.air.cell_count)
         stages += [(is_first_exchange, task, width) for task, width in (*loads, (GATHER_ONLY, grains))]
         stages += [(is_exchange_due, task, width) for task, width in (*loads, (advance_air_column, 1))]
     if world.has_external_forces or world.has_state:

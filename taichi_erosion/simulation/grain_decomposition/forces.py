@@ -5,12 +5,12 @@ from taichi_erosion.grains.clumps import advance_clump, released_body_count
 from taichi_erosion.grains.integrate import advance_if_awake, kick_duration
 from taichi_erosion.grains.neighbour_list import ROW_SHIFT, clear_history, entry_count, side_first_entry
 from taichi_erosion.grains.pair_contacts import (
-    detect_pair,
     do_pair_effects_act,
-    evaluate_pair,
+    evaluate_pair_law,
     is_overlap_too_deep,
     load_pair_to_lane,
-    overlap_scale,
+    load_pair_within_reach,
+    overlap_length_scale,
     pair_effect_force,
     pair_torques,
 )
@@ -40,12 +40,12 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
     batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
     near, acts = 0, 0
     if first_awake_entry(world_out, base, e, e + 1) == e:
-        near = detect_pair(world_out, batch, 0, r, e, base)
+        near = load_pair_within_reach(world_out, batch, 0, r, e, base)
     if near == 1:
         load_pair_to_lane(world_out, batch, 0, base, -1)
-        evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
-        acts = store_pair(world_out, buffers_out, batch, r, base, place)
-        size, rank = overlap_scale(batch, 0), batch.owner[0]
+        evaluate_pair_law(world_out.laws, batch, 0, world_out.replicas.time_step[r])
+        acts = store_pair_force(world_out, buffers_out, batch, r, base, place)
+        size, rank = overlap_length_scale(batch, 0), batch.owner[0]
         if is_overlap_too_deep(world_out.replicas, r, batch.overlap[0], size):
             note_overlap(world_out, buffers_out, r, rank, batch.partner[0], batch.overlap[0] / size, rank)
         if ti.static(world_out.sleeps):
@@ -55,7 +55,9 @@ def evaluate_pair_entry(world_out: ti.template(), buffers_out: ti.template(), r,
 
 
 @ti.func
-def store_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place):
+def store_pair_force(
+    world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place
+):
     """Keep force and torques of an evaluated pair; returns 1 where there are any, else 0."""
     e, acts = batch.entry[0], batch.acts[0]
     force = 0.0 * lane(batch.force, 0)
@@ -146,7 +148,7 @@ def sum_wall_forces(world_out: ti.template(), buffers_out: ti.template(), r, ran
 
 
 @ti.func
-def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+def sum_all_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Sum of the forces of pairs and walls on one grain."""
     grains_out, replicas, entries = ti.static((world_out.grains, world_out.replicas, world_out.wall_pairs))
     if rank < replicas.released[r]:
@@ -164,7 +166,7 @@ def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
 def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Motion of one grain under the sum of its forces; one that has left its skin asks for new lists."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    join_forces(world_out, coupling, buffers_out, r, rank)
+    sum_all_forces(world_out, coupling, buffers_out, r, rank)
     if rank < replicas.released[r]:
         i = side_start(grains_out, r, replicas.side[r]) + rank
         buffer = first_force_place(grains_out, replicas, r, 0) + rank

@@ -12,11 +12,11 @@ from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import (
     GONE,
     box_and_position_sums,
+    box_of_most_grains,
     cell_of_grain,
-    cell_start,
     divide_box_into_cells,
-    first_cell,
-    main_box,
+    first_cell_place,
+    first_rank_of_cell,
     order_axes_by_cells,
 )
 from taichi_erosion.grains.clumps import record_sphere_places
@@ -32,7 +32,7 @@ from taichi_erosion.grains.state import side_start
 from taichi_erosion.grains.wall_contacts import list_walls_of_grain
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, insertion_sort
 from taichi_erosion.simulation.grain_decomposition.forces import clear_pair_force
-from taichi_erosion.simulation.step import count_out, mark_removal, position_fault, stop_at, swap_sides
+from taichi_erosion.simulation.step import count_removed, mark_removal, position_fault, stop_at, swap_sides
 
 
 @ti.func
@@ -42,7 +42,7 @@ def is_renewing_lists(world: ti.template(), coupling: ti.template(), buffers: ti
 
 
 @ti.func
-def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+def release_in_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Release the grains of one chunk that are due; lost grains, and sums of positions.
 
     The table is in the order of release.
@@ -73,7 +73,7 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
 @ti.func
 def clear_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, c):
     """Empty a cell, or one of the two places behind all cells."""
-    world_out.cells.first[first_cell(world_out.cells, r) + c] = 0
+    world_out.cells.first[first_cell_place(world_out.cells, r) + c] = 0
 
 
 @ti.func
@@ -87,7 +87,7 @@ def fit_cell_grid(world_out: ti.template(), buffers: ti.template(), r):
         low, high = ti.min(low, buffers.low[place]), ti.max(high, buffers.high[place])
         total += buffers.total[place]
         squares += buffers.squares[place]
-    low, high = main_box(replicas, r, low, high, total, squares)
+    low, high = box_of_most_grains(replicas, r, low, high, total, squares)
     divide_box_into_cells(world_out.cells, replicas, r, low, high)
 
 
@@ -121,7 +121,7 @@ def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
         i = side_start(grains, r, world_out.replicas.side[r]) + rank
         c = cell_of_grain(cells_out, grains, world_out.replicas, r, i)
         cells_out.cell[r * grains.capacity + rank] = c
-        ti.atomic_add(cells_out.first[first_cell(cells_out, r) + c + 2], 1)
+        ti.atomic_add(cells_out.first[first_cell_place(cells_out, r) + c + 2], 1)
 
 
 @ti.func
@@ -134,24 +134,24 @@ def is_grain_kept(world: ti.template(), r, rank):
 def drop_removed(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, _):
     """Count out the grains that the sort has left behind."""
     if world_out.replicas.status[r] == 0:
-        count_out(world_out.replicas, r, world_out.replicas.leaving[r])
+        count_removed(world_out.replicas, r, world_out.replicas.leaving[r])
 
 
 @ti.func
-def sum_cells(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+def count_in_chunk(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Grains in the cells of one chunk."""
     size, total = buffers_out.cell_chunk[r], 0
-    first = first_cell(world.cells, r) + 2
+    first = first_cell_place(world.cells, r) + 2
     for c in range(k * size, ti.min((k + 1) * size, buffers_out.cells[r])):
         total += world.cells.first[first + c]
     buffers_out.cell_sums[r * buffers_out.cell_chunks + k] = total
 
 
 @ti.func
-def bound_cells(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
+def set_cell_starts(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
     """Rank of the first grain of every cell of one chunk."""
     (numbers_out,) = ti.static((world_out.cells.first,))
-    first, size = first_cell(world_out.cells, r) + 2, buffers.cell_chunk[r]
+    first, size = first_cell_place(world_out.cells, r) + 2, buffers.cell_chunk[r]
     if k * size < buffers.cells[r]:
         rank, place = 0, r * buffers.cell_chunks
         for chunk in range(place, place + k):
@@ -169,7 +169,7 @@ def put_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
     if is_rebuilding_grain(world_out, r, rank) and is_grain_kept(world_out, r, rank):
         row = r * world_out.grains.capacity
         c = cells_out.cell[row + rank]
-        place = ti.atomic_add(cells_out.first[first_cell(cells_out, r) + c + 2], 1)
+        place = ti.atomic_add(cells_out.first[first_cell_place(cells_out, r) + c + 2], 1)
         cells_out.order[row + place] = rank
 
 
@@ -178,19 +178,21 @@ def sort_one_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
     """Order the grains of a cell by their rank before the sort, as a stable sort does."""
     if world_out.replicas.status[r] == 0 and c < buffers.cells[r]:
         row = r * world_out.grains.capacity
-        begin, end = cell_start(world_out.cells, r, c), cell_start(world_out.cells, r, c + 1)
+        begin, end = first_rank_of_cell(world_out.cells, r, c), first_rank_of_cell(world_out.cells, r, c + 1)
         insertion_sort(world_out.cells.order, row + begin, end - begin, 1)
 
 
 @ti.func
-def move_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+def copy_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Copy a grain to the other side."""
     if is_rebuilding_grain(world_out, r, rank):
         copy_grain_to_rank(world_out, r, rank)
 
 
 @ti.func
-def clear_reverse(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+def clear_reverse_list(
+    world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank
+):
     """Empty the reverse list of a grain."""
     buffers_out.partners[r * world_out.grains.capacity + rank] = 0
 
@@ -226,7 +228,7 @@ def add_to_reverse_list(world_out: ti.template(), buffers_out: ti.template(), r,
 
 
 @ti.func
-def sort_partners(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+def sort_reverse(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Order the reverse list of a grain by entry."""
     if is_rebuilding_grain(world, r, rank):
         number, stride = buffers_out.partners[r * world.grains.capacity + rank], world.pairs.stride
@@ -302,10 +304,10 @@ def release_grains_at_start(world_out: ti.template()):
 def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     """Stages of a rebuild of the replicas that need one: tasks side by side, with their threads a replica."""
     grains, cells, chunks = world.grains.capacity, world.cells.capacity, buffers.cell_chunks
-    survey = ((survey_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_reverse, grains))
-    tasks = ((prepare_sort, 1), (count_in_cell, grains), (sum_cells, chunks), (bound_cells, chunks))
-    sort = (((put_in_cell, grains),), ((sort_one_cell, cells), (drop_removed, 1)), ((move_to_place, grains),))
-    lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))
+    survey = ((release_in_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_reverse_list, grains))
+    tasks = ((prepare_sort, 1), (count_in_cell, grains), (count_in_chunk, chunks), (set_cell_starts, chunks))
+    sort = (((put_in_cell, grains),), ((sort_one_cell, cells), (drop_removed, 1)), ((copy_to_place, grains),))
+    lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_reverse, grains))
     stages = [survey, *((task,) for task in tasks), *sort, lists, end]
     if world.has_clumps:
         stages.append(((locate_sphere, grains),))

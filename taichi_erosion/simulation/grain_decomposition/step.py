@@ -12,9 +12,9 @@ from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stag
 from taichi_erosion.simulation.grain_decomposition.forces import (
     evaluate_pair_at,
     evaluate_wall_forces,
-    join_forces,
     move_body,
     move_grain,
+    sum_all_forces,
 )
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, advance_clock_and_walls, required_action
@@ -37,7 +37,7 @@ class Stages:
 
 
 @ti.func
-def act_always(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+def is_always_due(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
     """For a task that acts on every replica."""
     return True
 
@@ -91,7 +91,7 @@ def is_moving(world: ti.template(), coupling: ti.template(), buffers: ti.templat
 
 
 @ti.func
-def note_step(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+def note_step_changes(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """Note for the stage of motion what the end of the step changes."""
     buffers_out.moving[r] = ti.cast(is_stepping(world, coupling, buffers_out, r), ti.i32)
     buffers_out.step[r] = world.replicas.step[r]
@@ -113,7 +113,7 @@ def record_overlap_fault(world_out: ti.template(), buffers_out: ti.template(), r
 
 
 @ti.func
-def close_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """Clock, walls and faults of replica r, and whether it waits for a look."""
     (replicas_out,) = ti.static((world_out.replicas,))
     record_overlap_fault(world_out, buffers_out, r)
@@ -129,16 +129,16 @@ def close_step(world_out: ti.template(), coupling: ti.template(), buffers_out: t
 def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers) -> Stages:
     """Stages of an ensemble; the same object for the same fields, since a kernel is compiled for it."""
     grains = world.grains.capacity
-    forces = ((is_stepping, evaluate_pair_at, world.pairs.capacity), (act_always, note_step, 1))
+    forces = ((is_stepping, evaluate_pair_at, world.pairs.capacity), (is_always_due, note_step_changes, 1))
     if world.walls.primitives:
         forces = (*forces, (is_stepping, evaluate_wall_forces, grains))
-    motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, close_step, 1)),)
+    motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, end_step, 1)),)
     if world.has_clumps:
-        bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, close_step, 1)
-        motion = ((is_moving, join_forces, grains),), bodies
+        bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, end_step, 1)
+        motion = ((is_moving, sum_all_forces, grains),), bodies
     wait = min(WAIT, world.replicas.count)
     rebuild, exchange = rebuild_stages(world, buffers), exchange_stages(world, coupling)
-    look = ((act_always, decide_action, 1),)
+    look = ((is_always_due, decide_action, 1),)
     look_and_steps = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
     return Stages(look, rebuild, exchange, forces, motion, wait, look_and_steps)
 

@@ -140,11 +140,9 @@ def test_a_unit_that_the_user_states_counts(tmp_path):
 def test_a_condition_without_a_unit_is_refused_and_one_that_the_closed_form_does_not_read_is_told(tmp_path):
     (fault,) = faults_of(tmp_path, changed("Feuchte in %", "Feuchte"))
     assert "has no unit in its heading: its numbers are 0 to 3.1" in fault
-    document, _ = made(
-        tmp_path, GOOD.replace("Feuchte in %", "Tongehalt in %"), NewStudyOptions(closed_form=True)
-    )
+    doc, _ = made(tmp_path, GOOD.replace("Feuchte in %", "Tongehalt in %"), NewStudyOptions(closed_form=True))
     kept = "column 'Tongehalt in %' is kept as a condition; no effect of the model reads it"
-    assert kept in document["assumed"]
+    assert kept in doc["assumed"]
     own = NewStudyOptions(TableOptions(conditions={"Temperatur": "g/kg"}), tmp_path / "own", closed_form=True)
     _, study = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), own)
     assert study.file.conditions["temperatur"] == "conditions.temperatur", "what the user says counts"
@@ -183,10 +181,10 @@ def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     assert "liquid_bridge" in document["candidates"]
     assert "side_walls" in document["candidates"]
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
-    poured, _ = made(
+    box, _ = made(
         tmp_path, GOOD.replace("Korngröße", "note"), NewStudyOptions(told, tmp_path / "p", "funnel")
     )
-    assert "side_walls" not in poured["candidates"], "they would cut a fill"
+    assert "side_walls" not in box["candidates"], "they would cut a fill"
 
 
 HEAPS = (

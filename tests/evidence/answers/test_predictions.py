@@ -14,7 +14,7 @@ from taichi_erosion.evidence.answers.predictions import predict_new_rows, predic
 from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out, outlook, rows_at
+from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out_shares, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import infer
 from taichi_erosion.evidence.words.answer_lines import coverage_line
 from tests.evidence.linear_study import linear_problem
@@ -25,11 +25,11 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     """The closed form against a race without the row; every row is a batch of its own."""
     problem = linear_problem({}, {}, seed=3)
     table = replace(problem.measurements, group=tuple(map(str, range(24))))
-    shares = leave_one_out(infer(problem, 1, table))
+    shares = leave_one_out_shares(infer(problem, 1, table))
     for i in (0, 9, 12, 21):
         rest = infer(problem, 1, table.pick_rows_at(np.delete(np.arange(table.size), i)))
         place = joint_rows(
-            rest.race, rows_at(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
+            rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
         )
         told = forecast(rest, place)
         share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.new_value[:, 0])
@@ -101,7 +101,7 @@ def test_closed_form_with_one_level():
     table = table_of([Readings("y", {"x": x[:3]}, y, np.full(3, SD), ("a", "b", "c"))])
     race = infer(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
     fit = race.fits[Hypothesis(())]
-    told = outlook(joint_rows(race, rows_at(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
+    told = outlook(joint_rows(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
     assert [block.kind for block in fit.blocks] == ["level"]
     level, factor = np.exp(fit.evidence.solution.u)
     prior = PRIOR_SD**2 * np.outer(x, x) + (level * SD) ** 2
@@ -115,7 +115,7 @@ def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, 
     """Every block carries over: doses, levels, zeros, sources, batches, smooth functions."""
     found = infer(FAMILIES[family](seed, number).problem, number)
     race, rows, p = found.race, found.race.prepared.rows, found.race.prepared
-    again = rows_at(p, NewConditions(rows.names, rows.conditions))
+    again = new_rows(p, NewConditions(rows.names, rows.conditions))
     place = joint_rows(race, replace(again, group=rows.group, source=rows.source))
     for fit in race.likeliest_fits(0.05):
         now = fit.evidence.solution
@@ -137,7 +137,7 @@ def test_intervals_hold_what_they_say():
         drawn = FAMILIES["intervals"](64000 + number, number)
         assert drawn.asked is not None
         found = infer(drawn.problem, number)
-        told = forecast(found, joint_rows(found.race, rows_at(found.race.prepared, drawn.asked)))
+        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, drawn.asked)))
         for values, key in ((told.mean, "mean"), (told.new_value, "measured")):
             ends = zip(told.forecast_intervals(values), drawn.truth[key], strict=True)
             held.append(np.mean([each.low <= truth <= each.high for each, truth in ends]))
@@ -158,7 +158,7 @@ def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: in
         names = tuple(rows.names[at[k]] for k in chosen)
         group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
         wanted = NewConditions(names, {name: column[chosen] for name, column in new.items()}, group)
-        told = forecast(found, joint_rows(found.race, rows_at(found.race.prepared, wanted)))
+        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, wanted)))
         both = [told.forecast_intervals(sd) for sd in (told.mean, told.new_value)]
         return np.array([[(one.value, one.low, one.high) for one in each] for each in both])
 

@@ -22,8 +22,8 @@ from taichi_erosion.evidence.answers.fresh_test import (
     after_runs,
     answer_and_rivals,
     confirms,
-    fresh_test,
     leaves_mechanisms_open,
+    run_fresh_test,
     run_setting,
 )
 from taichi_erosion.evidence.answers.set_up import small_heap_faults
@@ -81,18 +81,18 @@ def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(t
     runs: list[list[str]] = []
     monkeypatch.setattr(training_runs, "run_requests", executing(runs))
     with open_study(write(tmp_path, STRONG, seed=5)) as study:
-        waits = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
-        question = rounds.discovery_question(waits, bare)
+        wait = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
+        question = rounds.discovery_question(wait, bare)
         with pytest.raises(BadInput, match="too few rows; --force goes on"):
-            rounds.answer_question(waits, ("quick",), question, no_progress)
+            rounds.answer_question(wait, ("quick",), question, no_progress)
         assert not runs
         rounds.answer_question(
-            waits, ("quick",), rounds.discovery_question(waits, bare, tested=False), no_progress
+            wait, ("quick",), rounds.discovery_question(wait, bare, tested=False), no_progress
         )
         made = len(runs)
         assert made, "the next rows are asked for where there are too few"
         rounds.answer_question(
-            replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress
+            replace(wait, options=StudyOptions(force=True)), ("quick",), question, no_progress
         )
         assert len(runs) > made
 
@@ -196,7 +196,7 @@ def asked(
         calls.append((times, weight.size, len(settings)))
         return FreshCampaign(tuple(made), keys, times * SEEDS, round(fails * len(keys)))
 
-    part, keys = fresh_test(posterior, decision, simulate, lambda words, share: None)
+    part, keys = run_fresh_test(posterior, decision, simulate, lambda words, share: None)
     assert len(keys) == part.runs
     return part
 
@@ -282,7 +282,7 @@ def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
 
 def test_without_room_for_runs_nothing_is_said():
     found, spent = on_function(SINGLE), FreshCampaign((), frozenset("abc"), 0)
-    part, keys = fresh_test(found.posterior, found.decision, lambda *_: spent, lambda words, share: None)
+    part, keys = run_fresh_test(found.posterior, found.decision, lambda *_: spent, lambda words, share: None)
     assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, stats
 
 from doe.trials.reduced.laboratory import Readings, table_of
-from taichi_erosion.evidence.answers.summary import summary
+from taichi_erosion.evidence.answers.summary import race_record
 from taichi_erosion.evidence.data.comparison_rows import censor_scale, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
@@ -72,7 +72,7 @@ def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
 
     wanted = optimize.minimize_scalar(deviance, (0.0, 0.3)).x
     # the race has a scatter and a level beside it, each near nothing
-    assert summary(found).parameters["level"].value == pytest.approx(wanted, abs=0.03)
+    assert race_record(found).parameters["level"].value == pytest.approx(wanted, abs=0.03)
 
 
 TRUE = 0.8

@@ -8,7 +8,7 @@ import pytest
 
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.held_out_rows import count_opening, split_rows, table_digest, vault_openings
+from taichi_erosion.evidence.data.held_out_rows import count_opening, draw_vault, table_digest, vault_openings
 from taichi_erosion.evidence.data.problem import Measurements
 
 OBSERVABLES = ("repose_angle", "pile_height")
@@ -23,7 +23,7 @@ def measurements(groups: int = 20, group: str | None = None, repeats: int = 1) -
 
 
 def held_out(table: Measurements, fraction: float = 0.3, **ranges) -> set[tuple[str, float]]:
-    rows, _ = split_rows(table, fraction, ranges)
+    rows, _ = draw_vault(table, fraction, ranges)
     return {(table.observable[i], float(table.conditions["moisture"][i])) for i in rows}
 
 
@@ -31,15 +31,15 @@ def test_of_every_observable_the_fraction_is_held_out_in_whole_groups():
     counts = Counter(observable for observable, _ in held_out(measurements(20)))
     assert counts == {"repose_angle": 6, "pile_height": 6}
     table = measurements(20, repeats=3)
-    hidden, _ = split_rows(table, 0.3, {})
+    hidden, _ = draw_vault(table, 0.3, {})
     assert not {table.group[i] for i in hidden} & set(np.delete(table.group, hidden))
 
 
 @pytest.mark.parametrize(("least", "hidden"), [(0, 4), (12, 4), (14, 2), (16, 0), (99, 0)])
 def test_enough_conditions_stay_visible_to_tell_effects_apart(least, hidden):
-    assert split_rows(measurements(8), 0.3, {}, least=least)[0].size == hidden
+    assert draw_vault(measurements(8), 0.3, {}, least=least)[0].size == hidden
     soils = replace(measurements(8), group=("loess", "sand") * 8)  # of which one has numbers of its own
-    assert split_rows(soils, 0.3, {}, least=max(least, 1) - 1)[0].size == hidden
+    assert draw_vault(soils, 0.3, {}, least=max(least, 1) - 1)[0].size == hidden
 
 
 @pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))
@@ -47,7 +47,7 @@ def test_the_only_moist_heaps_are_never_all_held_out(first):
     table = measurements(8)
     wet = np.array([float(name in ("heap 3", "heap 6")) for name in table.group])
     table = replace(table, value=np.linspace(first, 30.0, table.size), conditions={"moisture": 0.01 * wet})
-    hidden, _ = split_rows(table, 0.4, {})
+    hidden, _ = draw_vault(table, 0.4, {})
     assert len(hidden) == 6  # 0.4 of eight heaps, for both observables
     assert np.delete(wet, hidden).any()
 
@@ -57,7 +57,7 @@ def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
     hidden = held_out(table)
     assert len(hidden) == 6
     assert {w for o, w in hidden if o == "repose_angle"} == {w for o, w in hidden if o == "pile_height"}
-    assert "too few groups" in split_rows(table, 0.3, {})[1]
+    assert "too few groups" in draw_vault(table, 0.3, {})[1]
 
 
 def test_neither_the_order_of_rows_nor_a_second_try_moves_the_split():
@@ -88,7 +88,7 @@ def test_water_is_seen_at_both_sizes_of_grains(first):
     moisture, diameter = np.tile([0.0, 0.01, 0.02], 4), np.tile(np.repeat([1.5e-3, 3e-3], 3), 2)
     value = np.linspace(first, 30.0, table.size)
     table = replace(table, value=value, conditions={"moisture": moisture, "diameter": diameter})
-    hidden, _ = split_rows(table, 0.3, {})
+    hidden, _ = draw_vault(table, 0.3, {})
     assert len(hidden) == 4  # 0.3 of six heaps, for both observables
     seen = np.delete(np.arange(table.size), hidden)
     for size in (1.5e-3, 3e-3):
@@ -105,6 +105,6 @@ def test_water_is_seen_at_both_sizes_of_grains(first):
 def test_a_source_is_held_out_whole_beside_the_fraction_of_the_others(fraction, words):
     table = measurements(20)
     made = ["theirs" if int(name.split()[1]) < 5 else "ours" for name in table.group]
-    hidden, told = split_rows(replace(table, source=tuple(made)), fraction, {}, sources=("theirs",))
+    hidden, told = draw_vault(replace(table, source=tuple(made)), fraction, {}, sources=("theirs",))
     assert set(np.flatnonzero(np.array(made) == "theirs")) <= set(hidden)
     assert told == words

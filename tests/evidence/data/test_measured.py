@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.measured import read_measured
+from taichi_erosion.evidence.data.measured import read_measured_table
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.scene.schema.units import Scale
 
@@ -21,7 +21,7 @@ GOOD = HEAD + "repose_angle,33.5,0.7,10,deg,heap,1.65,Hao\nrepose_angle,31.2,,,d
 
 def table(tmp_path: Path, text: str):
     (tmp_path / "heap.csv").write_text(text, encoding="utf-8")
-    return read_measured(tmp_path / "heap.csv", "heap.csv")
+    return read_measured_table(tmp_path / "heap.csv", "heap.csv")
 
 
 def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_path):
@@ -68,7 +68,7 @@ def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):
 
 @pytest.mark.parametrize("table_file", sorted((ROOT / "doe/measured").glob("*.csv")), ids=lambda f: f.stem)
 def test_every_shipped_table_can_be_read_and_names_its_sources(table_file):
-    assert all(row.source for row in read_measured(table_file).rows)
+    assert all(row.source for row in read_measured_table(table_file).rows)
 
 
 def test_values_and_conditions_are_told_in_the_units_of_the_table_also_from_a_stored_document():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.answers.summary import summary
+from taichi_erosion.evidence.answers.summary import race_record
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.models import reduced
@@ -196,7 +196,7 @@ def test_errors_are_carried_to_the_scale_of_the_comparison(sands):
 
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(sands):
     # every row a tenth too high: one sd of the shared error, five of every laboratory
-    sure, unsure = (summary(infer(sands(name).problem, 1)) for name in ("sure", "predict"))
+    sure, unsure = (race_record(infer(sands(name).problem, 1)) for name in ("sure", "predict"))
     assert sure.p_misfit < 1e-3
     assert [level.observable for level in sure.levels] == ["threshold_u_star"]
     assert unsure.p_misfit > 0.1

@@ -12,7 +12,7 @@ import pytest
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effect_library import load_library
-from taichi_erosion.evidence.data.measured import read_measured, study_measurements
+from taichi_erosion.evidence.data.measured import read_measured_table, study_measurements
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.models.table_columns import condition_units, read_new_conditions
 from taichi_erosion.scene.paths import options, scene_schema, unit_at_path
@@ -69,7 +69,7 @@ def study(**conditions: str) -> StudyFile:
 def converted(folder: Path, heading: str, number: float, place: str) -> float:
     """A number of a table of one row, as the model gets it."""
     (folder / "t.csv").write_text(f"observable,value,unit,{heading}\npile_height,1,m,{number!r}\n", "utf-8")
-    file, table = study(x=place), read_measured(folder / "t.csv", "t.csv")
+    file, table = study(x=place), read_measured_table(folder / "t.csv", "t.csv")
     rows, _ = study_measurements(table, file, "study.toml", condition_units(file, folder / "study.toml"))
     return float(rows.conditions["x"][0])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.race.decision import ERRORS, any_acts, decide_cause, sensitivity, with_priors
+from taichi_erosion.evidence.race.decision import ERRORS, any_acts, decide_cause, reweight_priors, sensitivity
 from taichi_erosion.evidence.race.fit import OUTSIDE, Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import PRIORS, Priors
@@ -31,9 +31,9 @@ def shares(posterior: Posterior) -> list[float]:
 def test_explanations_that_are_solved_anew_have_the_shares_of_a_whole_race(names, factor):
     priors = replace(PRIORS, **{name: factor * getattr(PRIORS, name) for name in names})
     usual = race_under(PRIORS)
-    found, whole = shares(with_priors(usual, priors)), shares(race_under(priors))
+    found, whole = shares(reweight_priors(usual, priors)), shares(race_under(priors))
     assert found == pytest.approx(whole, abs=0.03)  # which also searches anew
-    assert with_priors(usual, PRIORS).probability == pytest.approx(usual.probability, abs=1e-12)
+    assert reweight_priors(usual, PRIORS).probability == pytest.approx(usual.probability, abs=1e-12)
 
 
 def test_odds_that_are_doubled_double_the_odds():

@@ -8,7 +8,7 @@ import pytest
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adoption_record
-from taichi_erosion.evidence.answers.summary import summary
+from taichi_erosion.evidence.answers.summary import race_record
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
@@ -33,7 +33,7 @@ LABORATORIES = tuple("laboratory B" if other else "laboratory A" for other in SE
 
 def told(problem: Problem, **changes) -> Record:
     """The record of a table with some changes."""
-    return summary(infer(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
+    return race_record(infer(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
 
 
 def made(**acting: float) -> tuple[Problem, Measurements]:
@@ -208,7 +208,7 @@ def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
 
 
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():
-    found = summary(infer(off({}), 1))
+    found = race_record(infer(off({}), 1))
     assert found.verdict == "none_detected"
     assert found.probabilities["none"] > 0.8
     (shift,) = found.levels
@@ -223,10 +223,10 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
 @pytest.mark.parametrize("shared", [0.0, 3.0 * OFFSET])
 def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared: float):
     problem = replace(off({}), observables={"y": Observable("y", sd_shared=shared)})
-    (shift,) = summary(infer(problem, 1)).levels
+    (shift,) = race_record(infer(problem, 1)).levels
     assert shift.low < OFFSET < shift.high
     level = replace(made()[0], observables=problem.observables)
-    assert summary(infer(level, 3)).levels == ()
+    assert race_record(infer(level, 3)).levels == ()
 
 
 @pytest.mark.parametrize(
@@ -234,13 +234,13 @@ def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared
     [(10.0, "(another unit?)"), (57.3, "(degrees for radians?)"), (3.0, "at all conditions.")],
 )
 def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor: float, words: str):
-    found = summary(infer(off({}, factor), 1))
+    found = race_record(infer(off({}, factor), 1))
     assert found.verdict == "none_detected"
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("y", "factor")
     assert shift.value == pytest.approx(factor, rel=0.06)  # sd of a mean of 24 rows: 0.02
     assert any(words in line for line in discover_answer(found, VOC).lines)
-    acting = summary(infer(off(BEND, factor), 1))
+    acting = race_record(infer(off(BEND, factor), 1))
     assert acting.named == ("bend",)
     assert acting.p_misfit_after > 0.01
 
@@ -272,19 +272,19 @@ def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
 def test_numbers_are_not_moved_by_a_level():
     table = (problem := heaps(1)).measurements
     value = table.value + OFFSET * (np.array(table.observable) == "angle")
-    found = summary(infer(replace(problem, measurements=replace(table, value=value)), 1))
+    found = race_record(infer(replace(problem, measurements=replace(table, value=value)), 1))
     slope = found.parameters["slope"]
     assert slope.low < 0.4 < slope.high < slope.low + 0.3
     assert [level.observable for level in found.levels] == ["angle"]
 
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
-    found = summary(infer(replace(heaps(1), parameters=(Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1))
+    found = race_record(infer(replace(heaps(1), parameters=(Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1))
     assert found.named == found.group == ()
     assert found.parameters["slope"].at_end
     assert found.p_misfit < 0.01
     wide = (Parameter("slope", 0.1, 0.01, 10.0, 1.0),)  # 0.4 is the middle of its logarithm
-    assert not summary(infer(replace(heaps(1), parameters=wide), 1)).parameters["slope"].at_end
+    assert not race_record(infer(replace(heaps(1), parameters=wide), 1)).parameters["slope"].at_end
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])

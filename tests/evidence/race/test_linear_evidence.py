@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.race.linear_evidence import LinearRows, Scales, evidence, scale
+from taichi_erosion.evidence.race.linear_evidence import LinearRows, Scales, one_scale, row_evidence
 from taichi_erosion.evidence.race.priors import BAD_SD
 
 SCALES = sum(
-    (scale("level", cauchy=0.25), scale("smooth", normal=0.3), scale("first", doubt=0.35)), Scales.none()
-) + scale("second", doubt=0.2)
+    (one_scale("level", cauchy=0.25), one_scale("smooth", normal=0.3), one_scale("first", doubt=0.35)),
+    Scales.empty(),
+) + one_scale("second", doubt=0.2)
 U = np.array([0.3, -0.4, 0.1, -0.2])
 
 
@@ -32,10 +33,8 @@ def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:
 
 def test_likelihood_is_that_of_a_normal_distribution():
     table = replace(rows(), weight=np.linspace(0.5, 2.0, 14))
-    whole = covariance(table, U)
-    expected = (
-        -0.5 * table.y @ np.linalg.solve(whole, table.y) - 0.5 * np.linalg.slogdet(2.0 * np.pi * whole)[1]
-    )
+    cov = covariance(table, U)
+    expected = -0.5 * table.y @ np.linalg.solve(cov, table.y) - 0.5 * np.linalg.slogdet(2.0 * np.pi * cov)[1]
     found = table.at_scales(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
     assert found == pytest.approx(expected, abs=1e-9)
 
@@ -71,10 +70,10 @@ def test_a_level_is_integrated_over_its_heavy_tail():
         np.ones((size, 1)),
         np.array([0]),
         np.zeros(size, dtype=np.int64),
-        scale("level", cauchy=0.25) + scale("scatter", doubt=0.35),
+        one_scale("level", cauchy=0.25) + one_scale("scatter", doubt=0.35),
         np.ones(size),
     )
-    far, near = (evidence(t, t.scales.initial, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
+    far, near = (row_evidence(t, t.scales.initial, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
     # a level of six standard errors costs its prior, not its misfit of 430 / 2
     assert 1.0 < near.log_evidence - far.log_evidence < 8.0
     assert far.solution.u[0] > 0.5
@@ -82,10 +81,10 @@ def test_a_level_is_integrated_over_its_heavy_tail():
 
 def test_one_bad_row_is_found_and_weighs_little():
     table = rows(size=24)
-    clean = evidence(table, table.scales.initial, 20)
+    clean = row_evidence(table, table.scales.initial, 20)
     y = table.y.copy()
     y[9] += 12.0
-    dirty = evidence(replace(table, y=y), table.scales.initial, 20)
+    dirty = row_evidence(replace(table, y=y), table.scales.initial, 20)
     assert (clean.bad, dirty.bad) == (frozenset(), {9})
     assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD**-2)
     np.testing.assert_allclose(dirty.solution.centre[:2], clean.solution.centre[:2], atol=0.25)

@@ -12,7 +12,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from doe.trials.reduced.laboratory import CaseModel
-from taichi_erosion.evidence.answers.summary import summary
+from taichi_erosion.evidence.answers.summary import race_record
 from taichi_erosion.evidence.data.problem import Candidate, Numbers, Problem
 from taichi_erosion.evidence.race.decision import Decision, decide_cause
 from taichi_erosion.evidence.race.posterior import Posterior, infer, quantiles
@@ -74,7 +74,7 @@ def test_a_twin_of_what_acts_makes_a_group():
 def test_an_answer_at_the_cap_is_told_as_such():
     posterior = infer(case(SINGLE).problem, SINGLE, most=60)
     assert posterior.race.out_of_budget
-    assert (posterior.race.model.settings, summary(posterior).stopped) == (60, "budget")
+    assert (posterior.race.model.settings, race_record(posterior).stopped) == (60, "budget")
     assert decide_cause(posterior).probabilities["none"] < 0.1  # what is known by then already
 
 
@@ -89,7 +89,7 @@ def test_a_number_that_repeats_leave_to_a_level_keeps_its_width():
 
 def test_a_strength_beyond_the_limit_of_the_list_lies_in_its_interval():
     problem = linear_problem({"wave": lambda x: np.sin(3.0 * x)}, {"wave": 5.0})
-    strength = summary(infer(problem, 0)).effects["wave"].strength_range
+    strength = race_record(infer(problem, 0)).effects["wave"].strength_range
     assert 3.0 < strength.low < strength.value < strength.high
     assert strength.low < 5.0 < strength.high
 
@@ -103,7 +103,7 @@ STRONG = (7, 15)  # seed and number of a case with one strong effect
 @pytest.mark.slow
 def test_hardly_any_name_is_false_and_none_where_nothing_is_missing():
     cases = {number: FAMILIES["clean"](WATCHED, number) for number in (*NULLS, *ACTING)}
-    found = {number: summary(infer(drawn.problem, number)) for number, drawn in cases.items()}
+    found = {number: race_record(infer(drawn.problem, number)) for number, drawn in cases.items()}
     told = {number: {*each.named, *each.group} for number, each in found.items()}
     assert not any(told[number] for number in NULLS)
     assert sum(bool(told[number]) for number in ACTING) >= 3
@@ -120,7 +120,7 @@ def exact() -> Problem:
 
 @cache
 def plain() -> Record:
-    return summary(infer(exact(), 1))
+    return race_record(infer(exact(), 1))
 
 
 def reordered(problem: Problem) -> Problem:
@@ -151,7 +151,7 @@ def renamed(problem: Problem) -> Problem:
 @pytest.mark.parametrize("change", [reordered, in_kilometres, renamed])
 def test_order_units_and_names_do_not_matter(change: Callable[[Problem], Problem]):
     problem = change(exact())
-    one, other = plain(), summary(infer(problem, 1))
+    one, other = plain(), race_record(infer(problem, 1))
     assert one.verdict == other.verdict == "present"
     (name,), (told,) = one.named, other.named
     assert told == (f"effect {10 + exact().candidate_names.index(name)}" if change is renamed else name)

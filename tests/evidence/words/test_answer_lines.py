@@ -19,7 +19,7 @@ from ten_records import (
     single,
 )
 
-from taichi_erosion.evidence.answers.files import RECORD, STORED, after_adoption
+from taichi_erosion.evidence.answers.files import RECORD, STORED, with_adoption
 from taichi_erosion.evidence.record import EffectPart, ErrorPart, FreshPart, Interval, LevelPart, ScatterPart
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
@@ -187,14 +187,14 @@ def test_the_document_is_json_with_the_keys_of_the_contract(record):
 
 
 def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
-    told = after_adoption(single, ADOPTIONS["refuted"])
+    told = with_adoption(single, ADOPTIONS["refuted"])
     answer = discover_answer(told, VOC)
     assert (told.named, told.refuted) == ((), ("liquid_bridge",))
     assert answer.lines[0].startswith("No effect is named")
     assert "Do not adopt" in " ".join(answer.holds)
     assert "adopt lab.toml" not in answer.lines[-1]
     assert acting_rows(answer) == set()
-    assert after_adoption(pair, ADOPTIONS["refuted"]) == pair, "of other names nothing is known"
+    assert with_adoption(pair, ADOPTIONS["refuted"]) == pair, "of other names nothing is known"
     alone = replace(adopted.vault, chi2_per_row_wrong_effect=nan, alike={"moisture": 0.05})
     lacks = adopt_answer(replace(adopted, vault=alone), VOC).lines[1]
     assert "no other candidate. All held-out rows have moisture = 5 %: no other value is tested." in lacks
@@ -203,7 +203,7 @@ def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
 @pytest.mark.parametrize("name", ["adopted", "still_fails", "fitted_fails"])
 def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
     adopted = ADOPTIONS[name]
-    answers = discover_answer(after_adoption(single, adopted), VOC), adopt_answer(adopted, VOC)
+    answers = discover_answer(with_adoption(single, adopted), VOC), adopt_answer(adopted, VOC)
     assert answers[0].lines[-1] == answers[1].lines[-1]
     assert acting_rows(answers[0]) == {"liquid_bridge"}
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.evidence.words.run_words import measured_value_texts, next_steps, run_table, run_warnings
+from taichi_erosion.evidence.words.run_words import measured_value_texts, run_table, run_warnings, step_texts
 
 
 def run_document(value: float, n: int = 3, **more) -> dict:
@@ -45,4 +45,4 @@ def test_the_table_has_words_units_and_the_difference():
     document = run_document(28.7)
     simulated, measured = "28.70 \N{PLUS-MINUS SIGN} 0.50", "33.50 \N{PLUS-MINUS SIGN} 0.70 (n = 10)"
     assert run_table(document).rows[0] == ("angle of repose [deg]", simulated, measured, "-4.8 (-14%)")
-    assert "view 'my runs/a.rrd'`" in next(next_steps(document | {"recording": "my runs/a.rrd"}))
+    assert "view 'my runs/a.rrd'`" in next(step_texts(document | {"recording": "my runs/a.rrd"}))

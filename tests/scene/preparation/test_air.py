@@ -6,7 +6,7 @@ from scene_tables import SCENES
 
 from taichi_erosion.scene import load_scene, replica_setup
 from taichi_erosion.scene.preparation.air import bed_surface_height, inlet_wind
-from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.preparation.sizes import mean_cubed_diameter, nominal_diameter
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
 GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
@@ -32,7 +32,7 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     wind, size = scene.wind, scene.grains.size
     solid = (4.0 / 3.0 * 3.14159265 * replica_setup(scene, 1).grains.radius ** 3).sum()
     # of a sample of some hundred grains: the mean cube scatters by a few percent
-    assert mean_cube(size) < nominal_diameter(size) ** 3
+    assert mean_cubed_diameter(size) < nominal_diameter(size) ** 3
     assert bed_surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
 
 

@@ -63,7 +63,7 @@ def test_mean_volume_and_range_are_those_of_the_sample(table: dict[str, Any]):
     assert 0.9 * high < diameter.max() <= high
     cube = diameter**3
     error = 4 * cube.std() / MANY**0.5 + 1e-24
-    assert sizes.mean_cube(size_of(table)) == pytest.approx(cube.mean(), abs=error)
+    assert sizes.mean_cubed_diameter(size_of(table)) == pytest.approx(cube.mean(), abs=error)
 
 
 def test_the_nominal_diameter_of_a_sieve_curve_halves_the_mass():

@@ -139,7 +139,7 @@ def wind_profile() -> Iterator[Outcome]:
     yield below("log wind over the fetch: change of the speed, relative", off, 0.02, "f64")
     friction = state.friction_velocity[:, 0] / FRICTION - 1.0
     yield below("log wind over the fetch: change of u* at the floor, relative", friction, 0.02, "f64")
-    yield from closed_forms.channel_flow()
+    yield from closed_forms.channel_outcomes()
 
 
 SPEED = 5.0  # m s-1

@@ -59,7 +59,7 @@ def hertz_cases() -> dict[str, Case]:
 
 def hertz_peaks() -> Iterator[Outcome]:
     """V02."""
-    yield from closed_forms.hertz_peaks()
+    yield from closed_forms.hertz_outcomes()
     cases = dict(list(hertz_cases().items())[2:])
     setups = [case.setup for case in cases.values()]
     times = np.outer(np.arange(1.0, PER_CONTACT + 13.0), [setup.time_step for setup in setups])

@@ -45,7 +45,7 @@ LAWS = Laws(drag="two_limits")
 
 def terminal_velocities() -> Iterator[Outcome]:
     """V30: the published table, and the balance of weight, buoyancy and drag, solved in NumPy."""
-    yield from closed_forms.terminal_velocities()
+    yield from closed_forms.settling_outcomes()
     air = Stream(0.0, 1.0, DENSITY, VISCOSITY)
     balance = [terminal_velocity(1e-6 * microns, QUARTZ, air) for microns in closed_forms.TERMINAL]
     error = closed_forms.simulated_settling_speeds() / balance - 1.0
@@ -77,10 +77,9 @@ def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
         for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
     )
     # drag applied since the last exchange is not yet subtracted from the residual
-    unsettled = download_field(sim.coupling.exchange.residual_momentum)[replica]
-    residual = unsettled.sum(axis=0) - applied.sum(axis=0)
+    kept = download_field(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(axis=0)
     size = float(np.linalg.norm(momenta, axis=1).sum())
-    return GrainMomentum(momenta.sum(axis=0), residual, pressure.sum(axis=0), size)
+    return GrainMomentum(momenta.sum(axis=0), kept, pressure.sum(axis=0), size)
 
 
 def crossing_grains() -> Setup:

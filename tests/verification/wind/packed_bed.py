@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
-from taichi_erosion.simulation import Simulation, advance, air_profile, set_through_flow, snapshot
+from taichi_erosion.simulation import Simulation, advance, air_profile, set_upflow, snapshot
 from taichi_erosion.verification.claims import Outcome, relative
 from tests.verification import small_scenes as small
 from tests.verification.reference.flow import Stream, pressure_gradient
@@ -119,7 +119,7 @@ def pressures(sim: Simulation, velocities: Floats, start: float) -> Floats:
     """Mean pressure drop over the second half of a hold at each velocity, one after the other [Pa]."""
     found = []
     for number, velocity in enumerate(velocities):
-        set_through_flow(sim, 0, float(velocity))
+        set_upflow(sim, 0, float(velocity))
         seen = []
         for k in range(1, 9):
             advance(sim, [start + HOLD * (number + k / 8.0)])
@@ -132,9 +132,9 @@ def packed_bed() -> Iterator[Outcome]:
     """V31."""
     yield from fixed_bed()
     sim = small.simulation_of([poured_setup()], "f32", LAWS)
-    set_through_flow(sim, 0, -PRESS)
+    set_upflow(sim, 0, -PRESS)
     advance(sim, [0.5 * SETTLE])
-    set_through_flow(sim, 0, 0.0)
+    set_upflow(sim, 0, 0.0)
     advance(sim, [SETTLE])
     bed = poured_bed(sim)
     speed = PACKED * bed.fluidising

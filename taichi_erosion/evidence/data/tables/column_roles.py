@@ -24,18 +24,18 @@ from taichi_erosion.tables.headings import (
     SCATTER,
     Heading,
     Role,
-    best_word,
     has_word,
+    known_words,
+    longest_word,
     meaning_of,
     meaning_of_only_angle,
     meaning_of_symbol,
     plain_words,
-    qualifiers,
+    qualifying_words,
     read_heading,
     set_stated_unit,
     suggest_meaning,
     unit_in,
-    vocabulary,
     wind_height_of_heading,
 )
 from taichi_erosion.tables.number_columns import stem
@@ -105,7 +105,7 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
     named = names_by_column(cells, options, faults)
-    columns = [user_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
+    columns = [apply_user_unit(column_from(cells, k, named), options) for k in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
         if not column.firm and column.numeric and (alone := meaning_of_only_angle(column.heading)):
@@ -122,15 +122,15 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     return roles
 
 
-def user_unit(column: Column, options: TableOptions) -> Column:
+def apply_user_unit(column: Column, options: TableOptions) -> Column:
     """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
     unit = next((unit for text, unit in options.units.items() if plain_words(text) in texts), None)
-    return column if unit is None else in_unit(column, unit)
+    return column if unit is None else column_in_unit(column, unit)
 
 
-def in_unit(column: Column, unit: str) -> Column:
+def column_in_unit(column: Column, unit: str) -> Column:
     """A column with the unit that is stated for it."""
     return replace(column, heading=set_stated_unit(column.heading, unit))
 
@@ -167,7 +167,7 @@ def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> d
     return name_of
 
 
-def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
+def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
     content = [row[place] for _, row in cells.lines if not is_missing(row[place])]
@@ -181,26 +181,24 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
         role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
     if not numeric:
-        labels = best_word(heading.name, "roles")[2] == "group" and not has_digit(content)
+        labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
         fixed = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
         return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
     height = wind_height_of_heading(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", firm=False, height=height)
-    changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
+    changed, unclear = qualifying_words(heading) if role in ("observable", "condition") else ("", "")
     if role == "unknown" or changed or (unclear and name in AIR):  # of a tyre, of an oven
         near = name if changed else "" if name in AIR else suggest_meaning(heading.name, not heading.unit)
         return Column(place, heading, "remark", firm=False, near=near, changed=changed)
-    factor = HALF if role == "observable" and best_word(heading.name, *KINDS)[1] == "halved" else 1.0
+    factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
 
 
-def set_user_sd(
-    columns: list[Column], cells: Cells, options: TableOptions, faults: list[str]
-) -> list[Column]:
+def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
-    for text, scatter in options.sd.items():
+    for text, scatter in told.sd.items():
         places = {place for group in find_column_and_siblings(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
         matches = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
@@ -238,7 +236,7 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
         except UnknownUnit as error:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
-    if column.role in SCATTER and has_word(column.heading.name, vocabulary()["intervals"]["mean"]):
+    if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
         yield f"{where}: an interval of the mean is no scatter: give the sd of single repeats; {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
@@ -292,7 +290,7 @@ class Interview:
             self.assumptions.append(meaning)
 
 
-def refuse_other(answer: str, what: str, allowed: Collection[str]) -> None:
+def refuse_other_answer(answer: str, what: str, allowed: Collection[str]) -> None:
     """Raise BadInput for an answer that is not among the allowed ones."""
     if answer not in allowed:
         raise BadInput(f"{what}: '{answer}' is not one of {', '.join(allowed)}")

@@ -27,13 +27,13 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Interview,
     TableOptions,
     can_be_of_any_size,
+    column_in_unit,
     columns_with_roles,
     condition_name_of_path,
     friction_velocity_ratio,
-    in_unit,
     parse_roughness_length,
     physical_range_of_column,
-    refuse_other,
+    refuse_other_answer,
     set_user_sd,
 )
 from taichi_erosion.scene.physical_ranges import plausible_units
@@ -46,14 +46,14 @@ from taichi_erosion.tables.headings import (
     WINDS,
     has_word,
     heading_holds_value,
-    is_summary,
+    is_summary_word,
+    known_words,
     meaning_of,
     plain_words,
-    vocabulary,
     word_length,
 )
 from taichi_erosion.tables.number_columns import follows, is_height, non_conditions, own_name, ranges_of, stem
-from taichi_erosion.tables.spreadsheet import Cells, are_kinds
+from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
@@ -80,7 +80,7 @@ class Reading:
     faults: list[str]
     bed: Column | None = None  # that states the roughness length of each row
 
-    def fault(self, column: Column, words: str) -> Column:
+    def reject(self, column: Column, words: str) -> Column:
         """The column, not used, once what is wrong with it is told."""
         self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
         return replace(column, role="remark", firm=True)
@@ -169,7 +169,7 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
         return wind_to_friction_velocity(column, reading, measured)
     if column.role == "spread":
         question = f"Column '{text}': " + ", ".join(f"{key} = {words}" for key, words in SPREADS.items())
-        check = partial(refuse_other, what=f"column '{text}'", allowed=SPREADS)
+        check = partial(refuse_other_answer, what=f"column '{text}'", allowed=SPREADS)
         answer = interview.choice(question, "sd", f"column '{text}' holds {SPREADS['sd']}", check)
         return replace(column, role={"sd": "sd", "se": "se"}.get(answer, "remark"), firm=True)
     return ask_unknown_column(column, reading)
@@ -197,11 +197,11 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
-    remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
+    remedy = known_words()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
         why = f"{changed}: {remedy}; if it is that,"
-    return reading.fault(column, f"{why} {advice}; {UNUSED}")
+    return reading.reject(column, f"{why} {advice}; {UNUSED}")
 
 
 def column_as_answered(column: Column, reading: Reading, answer: str) -> Column:
@@ -230,7 +230,7 @@ def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) 
     check = partial(parse_roughness_length, height=height)
     answer = reading.options.roughness or ("" if bed else reading.interview.choice(question, "", "", check))
     if not answer and bed is None:
-        return reading.fault(
+        return reading.reject(
             column,
             f"a wind at {height:g} m is no friction velocity; give the roughness length of the bed to `study "
             "new`, --roughness '0.008 mm' (flat sand: grain diameter / 30), a column 'z0 [mm]', or one of u*",
@@ -262,7 +262,7 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
         if used:
             earlier.setdefault(column.name, column.heading.text)
-        yield reading.fault(column, wrong) if wrong else column
+        yield reading.reject(column, wrong) if wrong else column
 
 
 def column_meaning_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
@@ -280,7 +280,7 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
     if physical_range_of_column(column) or column.name in options.own_units:
         return ""
     no_place = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
-    return f"{no_place}; places: {', '.join(vocabulary()['conditions'])}"
+    return f"{no_place}; places: {', '.join(known_words()['conditions'])}"
 
 
 def check_column_unit(column: Column, reading: Reading) -> Column:
@@ -293,8 +293,8 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
-        return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
-    based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
+        return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
+    based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"
         reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
@@ -355,10 +355,10 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
         unstated = role == "condition" and name not in {each.name for each in settings}
         unknown = column.role == "remark" and (role == "unknown" or unstated)
         again = len({*zip(words, labels, strict=True)}) == len({*labels})  # the texture of a soil
-        kinds = unknown and not column.numeric and not again and are_kinds(words, alike)
+        kinds = unknown and not column.numeric and not again and do_words_name_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"
-            column = reading.fault(column, f"{why} it repeats '{both}'")
+            column = reading.reject(column, f"{why} it repeats '{both}'")
         elif kinds:
             reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words are kinds")
             column = replace(column, role="group")
@@ -400,7 +400,7 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
         repeats |= {column.place for column in family[1:]}
         numbered |= {column.place for column in family}  # `n = 2` is the number of one
         for column in columns:  # of the repeats beside it
-            sums_up = any(map(is_summary, plain_words(column.heading.name).split()))  # `mean angle`
+            sums_up = any(map(is_summary_word, plain_words(column.heading.name).split()))  # `mean angle`
             if column.name == family[0].name and column not in family and sums_up:
                 means.add(column.place)
                 reading.interview.assume(f"column '{column.heading.text}' is not used: {BESIDE}")
@@ -453,7 +453,7 @@ def find_or_ask_unit(column: Column, reading: Reading) -> Column:
         return column
     behind = next((number.unit for number in numbers if number.unit), "")
     if unit := behind or reading.options.own_units.get(column.name, ""):
-        return in_unit(column, unit)
+        return column_in_unit(column, unit)
     return assume_or_ask_unit(column, [number.value for number in numbers], reading)
 
 
@@ -464,7 +464,9 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
         share = max(values, default=0.0) <= MOST_SHARE
         usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
         meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
-        return in_unit(column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning))
+        return column_in_unit(
+            column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
+        )
     allowed, measured = physical_range_of_column(column), column.role == "observable"
     if allowed is None or not values:
         return column
@@ -472,13 +474,13 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
     if not several and all(map(allowed.is_usual, values)):
         unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
-        return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
+        return column if allowed.unit in PURE_UNITS else column_in_unit(column, allowed.unit)
     units = ["UNIT"] if several else plausible_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
     hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
     question = f"Unit of column '{text}' ({span}; {hint})"
     if answer := interview.choice(question, "", ""):
-        return in_unit(column, answer)
+        return column_in_unit(column, answer)
     unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
     unit_words += f", {hint}" * several
-    return reading.fault(column, unit_words) if units else column
+    return reading.reject(column, unit_words) if units else column

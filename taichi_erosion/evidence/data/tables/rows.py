@@ -41,7 +41,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, are_kinds, word_of_summary_row
+from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds, word_of_summary_row
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -255,7 +255,7 @@ class RowReader:
             message = f"row {line}, '{summary}': the row sums up others; remove it"
             self.faults.append(f"{self.cells.file}: {message}")
             return
-        numbers = [(each.title, self.number_of(line, row, each)) for each in self.columns_with("condition")]
+        numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
         for each in self.columns_with("condition_sd"):
             errors[each.title] = self.read_positive(line, row, each)
@@ -277,13 +277,13 @@ class RowReader:
         name, unit = (column.name, column.heading.unit) if not self.tidy else self.read_observable(line, row)
         text = row[column.place]
         unseen = cell_word(text) == "no_transport" or (self.tidy and not text)
-        cell = CellNumber(nan, -inf) if unseen else self.number_of(line, row, column, single=False)
+        cell = CellNumber(nan, -inf) if unseen else self.read_number(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:
                 self.add_fault(line, column, row, reason(text))
             return None
-        n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
-        counting = column, *self.partners("sd", column), *self.partners("se", column)
+        n = next((self.count(line, row, each) for each in self.partner_columns("n", column)), None)
+        counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
         if sd == 0.0:
@@ -310,7 +310,7 @@ class RowReader:
             self.add_fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
             return row[name.place], "1"
 
-    def number_of(
+    def read_number(
         self, line: int, row: Sequence[str], column: Column, single: bool = True, unit: str | None = None
     ) -> CellNumber:
         """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
@@ -334,7 +334,7 @@ class RowReader:
         if column.roughness < 0:
             return column.factor
         bed = next(each for each in self.columns if each.place == column.roughness)
-        length = self.number_of(line, row, bed, unit="m").value
+        length = self.read_number(line, row, bed, unit="m").value
         if 0.0 < length < LOWEST_WIND * column.height:
             return friction_velocity_ratio(column.height, length)
         message = f"must lie above 0 and below a tenth of the height of the wind, {column.height:g} m"
@@ -357,19 +357,19 @@ class RowReader:
 
     def read_positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
         """A number that is not negative; NaN, and a fault, for another one."""
-        number = self.number_of(line, row, column, unit=unit).value
+        number = self.read_number(line, row, column, unit=unit).value
         if number < 0.0 or (number == 0.0 and column.role in ("sd", "se")):
             self.add_fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
         return number
 
-    def partners(self, role: Role, column: Column) -> list[Column]:
+    def partner_columns(self, role: Role, column: Column) -> list[Column]:
         """Columns of scatter or repeats that belong to an observable."""
         return [other for other in self.columns_with(role) if other.of in (column.place, -1)]
 
     def read_sd(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
-        for other in (*self.partners("sd", column), *self.partners("se", column)):
+        for other in (*self.partner_columns("sd", column), *self.partner_columns("se", column)):
             like = replace(other, factor=column.factor, roughness=column.roughness, height=column.height)
             sd = self.read_positive(line, row, like, column.heading.unit)
             if other.role == "se" and isfinite(sd):
@@ -378,7 +378,7 @@ class RowReader:
                 return sd * sqrt(n or nan)
             if not isnan(sd):
                 return sd
-        for other in self.partners("cv", column):
+        for other in self.partner_columns("cv", column):
             sd = SHARES.get(other.heading.unit, 0.01) * self.read_positive(line, row, other)
             if not isnan(sd):
                 return sd * abs(value)
@@ -386,7 +386,7 @@ class RowReader:
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""
-        number = self.number_of(line, row, column).value
+        number = self.read_number(line, row, column).value
         if isnan(number):
             return None
         if number != int(number) or not 1 <= number <= MOST_REPEATS:
@@ -402,7 +402,7 @@ class RowReader:
     def has_numbered_rows(self) -> bool:
         """Whether the set-ups of a laboratory's own table number its rows, `P 1`, `P 2`."""
         labels = ["".join(each[c.place] for c in self.columns_with("group")) for _, each in self.cells.lines]
-        return not self.tidy and len({*labels}) == len(labels) and not are_kinds(labels, alike=True)
+        return not self.tidy and len({*labels}) == len(labels) and not do_words_name_kinds(labels, alike=True)
 
     def source_of_row(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
