@@ -16,7 +16,7 @@ from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, changes_as_overrides, override_text
 from taichi_erosion.execution import session as sessions
 from taichi_erosion.execution.grain_fields import present_grain_fields
-from taichi_erosion.verification.effect_contract import refuse_unusable_effects
+from taichi_erosion.verification.effect_contract import examine_effect_files
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -231,7 +231,7 @@ def live(
     for page in PAGES:  # they pause before the device is given to another session
         with page.turn:
             page.playing = False
-    refuse_unusable_effects(files)
+    examine_effect_files(files)
     return LiveSession(
         sessions.open_session(Path(scene), changes_as_overrides(changes, entries, OPTIONS), seed, files)
     )

@@ -235,7 +235,7 @@ def surface_design(file: CalibrationStudy, factors: Sequence[designs.Factor]) ->
     return designs.box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
 
 
-def refuse_star_outside_limits(file: CalibrationStudy, design: designs.Design) -> None:
+def refuse_axial_points_outside(file: CalibrationStudy, design: designs.Design) -> None:
     """Raise BadInput for a point beyond a parameter's limits, rounding apart."""
     for factor, levels in zip(design.factors, design.natural.T, strict=True):
         low, high = file.study.parameters[factor.path].limits
@@ -251,7 +251,7 @@ def refuse_star_outside_limits(file: CalibrationStudy, design: designs.Design) -
 def fit_response_surface(runner: DesignRunner, factors: list[designs.Factor]) -> ResponseSurface:
     """Run the design of the surface and fit its quadratics."""
     planned = surface_design(runner.file, factors)
-    refuse_star_outside_limits(runner.file, planned)
+    refuse_axial_points_outside(runner.file, planned)
     design = run_design(runner, "surface", planned)
     full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
     smaller = {name: eliminate_terms(fit) for name, fit in full.items()}

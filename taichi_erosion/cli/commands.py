@@ -43,7 +43,7 @@ from taichi_erosion.cli.options import (
 from taichi_erosion.cli.progress import LOG, open_log, progress_report
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
-from taichi_erosion.core.files import check_writable, refuse_foreign_file
+from taichi_erosion.core.files import refuse_foreign_file, require_writable
 from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
@@ -249,9 +249,9 @@ def live(
     from taichi_erosion.execution.session import open_session, unused_path
 
     if effect:
-        from taichi_erosion.verification.effect_contract import refuse_unusable_effects
+        from taichi_erosion.verification.effect_contract import examine_effect_files
 
-        for sentence in output.effect_check_lines(refuse_unusable_effects(effect)):
+        for sentence in output.effect_check_lines(examine_effect_files(effect)):
             typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
     path = record or unused_path(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
@@ -363,7 +363,7 @@ def repose(
 
     picture = to or image.with_suffix(".detected.png")
     refuse_foreign_file(picture, image, force)
-    check_writable(picture)
+    require_writable(picture)
     options = typed_options(background=background)
     if crop is not None:
         try:

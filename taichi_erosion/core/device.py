@@ -26,7 +26,7 @@ import numpy as np
 
 from taichi_erosion.core.engine import engine_mark, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import check_writable
+from taichi_erosion.core.files import require_writable
 from taichi_erosion.core.setup import Numerics, usable_cores
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host_memory
@@ -142,7 +142,7 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     # the key of a kernel knows no processor, and its loops are laid out for one before it is kept
     folder, offline = root / "taichi_erosion" / "kernels" / f"{widest_processor()}{engine}", True
     try:
-        check_writable(folder / "any")
+        require_writable(folder / "any")
     except BadInput:  # Taichi makes its folder at exit even where it keeps nothing there, or crashes
         folder, offline = Path(__file__).parent, False
     lock = folder / LOCK

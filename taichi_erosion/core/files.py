@@ -70,7 +70,7 @@ def make_parent_folder(path: Path) -> None:
         raise BadInput(f"{path}: is not the name of a file")
 
 
-def check_writable(path: Path) -> None:
+def require_writable(path: Path) -> None:
     """Raise BadInput where a file cannot be made."""
     make_parent_folder(path)
     try:

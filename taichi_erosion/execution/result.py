@@ -44,7 +44,7 @@ from taichi_erosion import __version__
 from taichi_erosion.core.effect_file import failures_of, require_number
 from taichi_erosion.core.engine import engine_name
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
+from taichi_erosion.core.files import REMEDY, require_writable, write_atomic
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution.checks import comparable
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message
@@ -71,7 +71,7 @@ def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> 
     if not options.no_record:
         refuse_foreign_outputs(record, path, options.force)
     if saved := options.checkpoint:
-        check_writable(saved)
+        require_writable(saved)
         if saved.resolve() == path.resolve():
             raise BadInput(f"{saved}: is the scene itself; give the checkpoint another name")
         if saved.exists() and not options.force and not is_checkpoint(saved):
@@ -80,12 +80,12 @@ def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> 
 
 def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> None:
     """Raise BadInput where a run cannot write its files, or would replace what none of its scene wrote."""
-    check_writable(record)
+    require_writable(record)
     if record.suffix != RECORDING:
         raise BadInput(f"{record}: is no name of a recording, which ends in {RECORDING}")
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
     for path in present:
-        check_writable(path)
+        require_writable(path)
     earlier = files_of_earlier_run(record, scene)
     for path in [] if force else present:
         if path.name not in earlier and not is_own_recording(path):

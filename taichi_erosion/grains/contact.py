@@ -41,7 +41,7 @@ class ContactLaws:
     rolling_constant: Any
     rolling_energy: Any
     adhesive: bool  # whether contacts act across a gap
-    adhesion_gap: Any  # host function (pi gamma, E*, R*) -> gap [m]
+    zero_force_gap: Any  # host function (pi gamma, E*, R*) -> gap [m]
     contact_type: Any  # struct type of one contact, in the run's precision
 
 
@@ -75,7 +75,7 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
         rolling_constant=rolling.rolling_constant,
         rolling_energy=rolling.rolling_energy,
         adhesive=adhesive,
-        adhesion_gap=normal.adhesion_gap,
+        zero_force_gap=normal.zero_force_gap,
         contact_type=contact_struct_type(),
     )
 

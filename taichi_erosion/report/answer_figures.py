@@ -300,7 +300,7 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 
-def misfit_picture(record: Record) -> Picture:
+def misfit_before_after_picture(record: Record) -> Picture:
     """Misfit per row before and after, of rows that were fitted and of those that no fit has seen."""
     vault = record.vault
     before, after = (vault.chi2_per_row_before, vault.chi2_per_row_after) if vault else (np.nan, np.nan)

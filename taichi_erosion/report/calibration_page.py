@@ -80,7 +80,7 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
         variance={name: markdown_table(*variance_table(calibration, name)) for name in targets},
         equations={name: natural_equation(calibration, name) for name in targets},
         optima=markdown_table(*optimum_table(calibration)),
-        samples={name: confirmation_texts(tests[name]) for name in targets},
+        samples={name: confirmation_mean_sd_texts(tests[name]) for name in targets},
     )
     return folder.write_file(PAGE, (text.rstrip() + "\n").encode())
 
@@ -198,7 +198,7 @@ def optimum_table(calibration: Calibration) -> Cells:
     return header, rows
 
 
-def confirmation_texts(test: Mapping[str, Any]) -> dict[str, str]:
+def confirmation_mean_sd_texts(test: Mapping[str, Any]) -> dict[str, str]:
     """Mean, standard deviation and number of the confirmation runs and of the measurement."""
     return {
         kind: value_and_sd_text(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))

@@ -145,7 +145,7 @@ def contact_gap_reach_of_setup(setup: Setup, laws: ContactLaws) -> tuple[float, 
     Walls double the effective radius.
     """
     table, largest = setup.contacts, float(setup.grains.radius.max())
-    reach = laws.adhesion_gap(np.pi * table.surface_energy, table.young_effective, largest)
+    reach = laws.zero_force_gap(np.pi * table.surface_energy, table.young_effective, largest)
     law_reach = reach if np.isfinite(reach) else 0.0
     longest, free = longest_effect_reaches(setup.effects)
     return max(law_reach, longest), max(law_reach, longest) - max(law_reach, free)

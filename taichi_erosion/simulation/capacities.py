@@ -119,7 +119,7 @@ class VerletSkin:
     cell_reach: float  # m, radius and skin up to which adjacent cells hold all partners
 
 
-def verlet_skin(setup: Setup, by_grain: bool = False) -> VerletSkin:
+def verlet_skin_limits(setup: Setup, by_grain: bool = False) -> VerletSkin:
     """Skin of one replica.
 
     Under wind few grains move, and those far: their skin extends beyond adjacent cells and they are searched

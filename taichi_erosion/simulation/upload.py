@@ -11,7 +11,7 @@ from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import cell_grid
 from taichi_erosion.grains.materials import Materials, upload_materials
 from taichi_erosion.grains.walls import Walls
-from taichi_erosion.simulation.capacities import cells_for_grains, verlet_skin
+from taichi_erosion.simulation.capacities import cells_for_grains, verlet_skin_limits
 
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
@@ -27,7 +27,7 @@ def join_padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
 
 
 def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
-    """Everything that the setups state; `reaches` [n, 2] as `adhesion_gap` gives them."""
+    """Everything that the setups state; `reaches` [n, 2] as `zero_force_gap` gives them."""
     upload_grain_tables(world, setups)
     upload_replicas(world, setups, reaches, partitions)
     upload_cell_grids(world, setups, reaches)
@@ -69,7 +69,7 @@ def upload_grain_tables(world: World, setups: list[Setup]) -> None:
 def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
     """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
     replicas, is_full = world.replicas, world.pairs.stride > 1
-    allowed = [verlet_skin(s, is_full) for s in setups]
+    allowed = [verlet_skin_limits(s, is_full) for s in setups]
     # where cells hold the widest grain, none is wide, whatever rounding gives
     holds = [s.air is None or is_full for s in setups]
     cell_reach = [np.inf if all_in else m.cell_reach for all_in, m in zip(holds, allowed, strict=True)]
@@ -98,7 +98,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
 
 def upload_cell_grids(world: World, setups: list[Setup], reaches: Floats) -> None:
     """Cell grids."""
-    skins = [verlet_skin(s, world.pairs.stride > 1) for s in setups]
+    skins = [verlet_skin_limits(s, world.pairs.stride > 1) for s in setups]
     least = [2.0 * skin.cell_reach + reach for skin, reach in zip(skins, reaches[:, 0], strict=True)]
     most = [min(world.cells.capacity, cells_for_grains(len(s.grains.radius))) for s in setups]
     grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]

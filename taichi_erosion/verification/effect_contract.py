@@ -347,7 +347,7 @@ def examine_file(file: EffectFile) -> dict[str, Any]:
     return {"effect": effect.name, "file": str(file)} | checked
 
 
-def refuse_unusable_effects(paths: Iterable[Path]) -> list[dict[str, Any]]:
+def examine_effect_files(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Checks of effect files before a session. Raises BadInput where an effect cannot act."""
     return [examine_file(file) for file in read_effect_files(paths)]
 

@@ -12,7 +12,7 @@ from recorded_heaps import read_chunks
 
 from taichi_erosion.campaign import calibration_steps, execute
 from taichi_erosion.campaign.calibration import calibrate
-from taichi_erosion.campaign.calibration_steps import STAGES, refuse_star_outside_limits, surface_design
+from taichi_erosion.campaign.calibration_steps import STAGES, refuse_axial_points_outside, surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
@@ -126,7 +126,7 @@ def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place,
     design = {"surface": "central_composite"}
     study = read_calibration_study(write_study(tmp_path, design=design, parameters=parameters))
     with pytest.raises(BadInput) as refusal:
-        refuse_star_outside_limits(study, surface_design(study, ranges))
+        refuse_axial_points_outside(study, surface_design(study, ranges))
     assert str(refusal.value).endswith(f'{said}; set surface_axial = "faced" in [design]')
     faced = write_study(tmp_path, design=design | {"surface_axial": "faced"}, parameters=parameters)
     assert len(surface_design(read_calibration_study(faced), ranges)) == 19

@@ -199,7 +199,7 @@ def relax_line(levels_out: ti.template(), r, c, beside):
 
 
 @ti.func
-def relax_colour(levels_out: ti.template(), level, colour, r, i, j):
+def relax_coloured_line(levels_out: ti.template(), level, colour, r, i, j):
     """Relaxation of one line where it has this colour."""
     if (i + j) % 2 == colour:
         relax_line(
@@ -325,10 +325,10 @@ def relax_level(serial: ti.template(), levels_out: ti.template(), level, colour,
     nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
     ti.loop_config(serialize=serial)
     for r, i, j in ti.ndrange((first, last), nx, ny):
-        relax_colour(levels_out, level, colour, r, i, j)
+        relax_coloured_line(levels_out, level, colour, r, i, j)
     ti.loop_config(serialize=serial)
     for r, i, j in ti.ndrange((first, last), nx, ny):
-        relax_colour(levels_out, level, 1 - colour, r, i, j)
+        relax_coloured_line(levels_out, level, 1 - colour, r, i, j)
 
 
 @ti.func

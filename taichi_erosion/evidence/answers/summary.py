@@ -52,7 +52,7 @@ def race_record(posterior: Posterior, decision: Decision | None = None) -> Recor
         levels=tuple(observable_level_parts(posterior)) if sound else (),
         errors=tuple(inferred_error_parts(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
-        repeats=tuple(repeat_disagreement_parts(race, after)),
+        repeats=tuple(disagreeing_repeats(race, after)),
         n=race.prepared.rows.size,
         chi2_before=chi_square_of_fit(bare),
         chi2_after=chi_square_of_fit(after),
@@ -60,7 +60,7 @@ def race_record(posterior: Posterior, decision: Decision | None = None) -> Recor
         p_misfit_after=misfit_p_value(after, levels=True),
         p_lack_of_fit=lack_of_fit_p(race, bare),
         p_lack_of_fit_after=lack_of_fit_p(race, after),
-        where=tuple(residual_trend_parts(race, bare)),
+        where=tuple(residual_trends(race, bare)),
         rows=measured_and_predicted_rows(race, bare, after),
         curves=tuple(unlisted_curve_parts(posterior, decision_used)),
         settings=model.settings,
@@ -90,7 +90,7 @@ def difference_kind(observable: Observable) -> Literal["factor", "offset"]:
     return "offset" if observable.transform == "identity" else "factor"
 
 
-def repeat_disagreement_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
+def disagreeing_repeats(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
     """Repeats that disagree grossly, and which of them the told model does not expect."""
     rows = race.prepared.rows
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
@@ -380,7 +380,7 @@ def shared_error_parts(
                 yield parts.ErrorPart(size, low, high, kind, name, str(label), other, factor)
 
 
-def residual_trend_parts(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
+def residual_trends(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
     The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully

@@ -335,7 +335,7 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     before, after, *other = (float(np.mean(working_residuals(gap, reach).residual ** 2)) for gap in gaps)
     exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after = predicted_misfit_p_value(place, outlooks[1], exact)
-    p_worse = p_value_of_misfit_change(place, outlooks[0], outlooks[1], exact)
+    p_worse = p_of_small_misfit_change(place, outlooks[0], outlooks[1], exact)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     errors = (int(good.sum()), before, after, control)
     pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
@@ -355,7 +355,7 @@ def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools)
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
 
 
-def p_value_of_misfit_change(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
+def p_of_small_misfit_change(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
     """Chance that the misfit falls as little, or grows as much, if what is added acts.
 
     With d the change of the prediction over the sd s of its error, and r the residual after it,

@@ -28,6 +28,6 @@ def normal_energy(materials: ti.template(), row, overlap, root_radius):
     return (8.0 / 15.0) * materials.young[row] * root_radius * ti.sqrt(depth) * depth * depth
 
 
-def adhesion_gap(adhesion: Floats, young: Floats, radius: float) -> float:
+def zero_force_gap(adhesion: Floats, young: Floats, radius: float) -> float:
     """Gap beyond which the force vanishes [m]."""
     return 0.0

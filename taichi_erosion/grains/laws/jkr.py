@@ -113,7 +113,7 @@ def compile_jkr(branch: str, cap: str) -> Any:
     return normal_force
 
 
-def adhesion_gap(adhesion: Floats, young: Floats, radius: float) -> float:
+def zero_force_gap(adhesion: Floats, young: Floats, radius: float) -> float:
     """Gap beyond which the force vanishes [m], 1.190551 L^2/R* for the largest effective radius."""
     length = np.cbrt(adhesion * radius**2 / young)
     return float(np.max(TEAR_GAP * length**2 / radius))

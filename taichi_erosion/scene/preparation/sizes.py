@@ -215,7 +215,7 @@ def union_body(spheres: tuple[Sphere, ...]) -> Body:
     radius = np.array([r for _, r in spheres])
     low, high = (centres - radius[:, None]).min(axis=0), (centres + radius[:, None]).max(axis=0)
     cell = float((high - low).max()) / VOXELS_ACROSS
-    points = cells_inside_spheres(centres, radius, low, high, cell)
+    points = cell_centres_in_spheres(centres, radius, low, high, cell)
     volume = len(points) * cell**3
     centre = points.mean(axis=0)
     second = (points - centre).T @ (points - centre) * cell**3
@@ -229,7 +229,9 @@ def union_body(spheres: tuple[Sphere, ...]) -> Body:
     return Body(offset, radius, volume, moments, centre, turned, reach)
 
 
-def cells_inside_spheres(centres: Floats, radius: Floats, low: Floats, high: Floats, cell: float) -> Floats:
+def cell_centres_in_spheres(
+    centres: Floats, radius: Floats, low: Floats, high: Floats, cell: float
+) -> Floats:
     """Centres of the cells inside the union, [cells, 3]; cells lie evenly about the middle of the box."""
     middle, counts = 0.5 * (low + high), np.ceil((high - low) / cell).astype(int)
     x, y, z = (middle[k] + (np.arange(n) - 0.5 * (n - 1)) * cell for k, n in enumerate(counts))
