@@ -384,7 +384,7 @@ def residual_trends(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
     The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully
-    crossed, one shows the trend of another. Rows scatter by what is left about a line, or as stated.
+    crossed, one shows the trend of another. Rows scatter as stated, or by what is left (Student's law).
     """
     rows, named, columns = race.prepared.rows, [], []
     linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
@@ -403,13 +403,14 @@ def residual_trends(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     freedom = 0.5 / race.priors.doubt**2  # degrees of freedom of the scatter that is stated
     rest, free = freedom + float(now.whitened[0] @ linear.y), freedom + rows.size - bare.v.size - 1
     while remaining:
-        length = np.sqrt(np.maximum(gram.diagonal(), 1e-12))
+        length, degrees = np.sqrt(np.maximum(gram.diagonal(), 1e-12)), max(free, freedom)
         size = np.where(gram.diagonal() > 1e-6 * alone, along / length, 0.0)
-        z = size / np.sqrt(np.maximum((rest - size**2) / max(free, freedom), 1.0))
+        z = size / np.sqrt(np.maximum((rest - size**2) / degrees, 1.0))
         k = max(remaining, key=lambda k: abs(z[POWERS * k]))
+        far = np.abs([z[POWERS * k], size[POWERS * k]])
+        shape = (degrees if far[0] < far[1] else np.inf), np.inf  # Student's law; as stated the normal one
         # an adjusted p is no smaller than those before it
-        chances = [2.0 * float(special.ndtr(-abs(each[POWERS * k]))) * len(remaining) for each in (z, size)]
-        least = np.maximum(least, np.minimum(chances, 1.0))
+        least = np.maximum(least, np.minimum(2.0 * len(remaining) * special.stdtr(shape, -far), 1.0))
         (observable, name), sign = named[k], 1 if z[POWERS * k] > 0.0 else -1
         yield parts.PlacePart(observable, name, sign, float(least[0]), float(least[1]))
         remaining.remove(k)
