@@ -34,7 +34,7 @@ REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at 
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
     r"\b(?:predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
-    r"trapped|loss|error|index|hausner|mass of sand|sand mass|weight of sand)"
+    r"trapped|loss|error|hausner|mass of sand|sand mass|weight of sand)"
 )
 
 
@@ -104,7 +104,8 @@ def why_column_is_no_condition(
     if distinct.size == 1:
         return "it is the same in all rows"
     counts = distinct.size == values.size == 1 + np.ptp(values)
-    if whole and (counts or (YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1])):
+    counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
+    if whole and counts and not any(column_affects_result(values, y, np.zeros(y.size)) for y in results):
         return "it counts rows or years"
     summary = is_summary_word(re.sub(r"\s*[\[(].*", "", heading))
     if summary or RESULTS.search(plain_words(heading)):

@@ -77,9 +77,8 @@ def written(monkeypatch):
 @linux_x86
 def test_an_unknown_processor_gets_the_wide_row_and_a_known_one_keeps_its_own(written, monkeypatch):
     assert device.widest_processor.__wrapped__() == "generic-as-znver3"
-    monkeypatch.setattr(
-        device, "processor_table_rows", lambda: ("skylake", {device.UNKNOWN: 1, device.WIDE: 2})
-    )
+    rows = "skylake", {device.UNKNOWN: 1, device.WIDE: 2}
+    monkeypatch.setattr(device, "processor_table_rows", lambda: rows)
     assert device.widest_processor.__wrapped__() == "skylake"
     assert written == [(1, 2)]
 

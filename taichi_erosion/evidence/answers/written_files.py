@@ -107,9 +107,8 @@ def write_study_files(files: StudyFiles, anew: bool) -> Document:
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
     rows, changes = list[Drawn](row.draw for row in files.rows.rows), {}
     if before is not None:
-        rows, changes = carry_over_vault(
-            before, read_measured_table(files.table, files.table.name), files.rows
-        )
+        table = read_measured_table(files.table, files.table.name)
+        rows, changes = carry_over_vault(before, table, files.rows)
     with restore_files_on_refusal(paths):
         write_tidy_table(files, rows)
         if before is None or anew:

@@ -310,11 +310,13 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.p_text(float(np.nanmin([*chances, *(each.p for each in places)])))})"
+    if not (record.effects or record.where):
+        return f"No effect is named: {state}; no condition varies along which one could be seen."
+    level = max((each.probability for each in record.levels), default=0.0) >= SURE
     alike = agrees(record) and share >= LIKELY and all(each.kind != "group" for each in record.errors)
-    if leading == "none" and (alike or (share >= SURE and not places)):
-        common = " by errors of measurement" * fails(record)
+    if leading == "none" and (alike or (share >= SURE and level and not places)):
         none = f"probability that none acts: {say.probability_text(share)}"
-        return f"No missing effect is seen: {state}{common}; {none}."
+        return f"No missing effect is seen: {state}{' by errors of measurement' * fails(record)}; {none}."
     why = f"; a name needs {SURE:g}" * (leading not in ("none", "each_set_up"))
     if why and share >= SURE:
         why = f"; among so many candidates one looks as good by chance with {say.p_text(record.p)}"

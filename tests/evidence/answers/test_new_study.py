@@ -181,9 +181,8 @@ def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     assert "liquid_bridge" in document["candidates"]
     assert "side_walls" in document["candidates"]
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
-    box, _ = made(
-        tmp_path, GOOD.replace("Korngröße", "note"), NewStudyOptions(told, tmp_path / "p", "funnel")
-    )
+    options = NewStudyOptions(told, tmp_path / "p", "funnel")
+    box, _ = made(tmp_path, GOOD.replace("Korngröße", "note"), options)
     assert "side_walls" not in box["candidates"], "they would cut a fill"
 
 

@@ -86,14 +86,12 @@ def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(t
         with pytest.raises(BadInput, match="too few rows; --force goes on"):
             rounds.answer_question(wait, ("quick",), question, no_progress)
         assert not runs
-        rounds.answer_question(
-            wait, ("quick",), rounds.discovery_question(wait, bare, tested=False), no_progress
-        )
+        untested = rounds.discovery_question(wait, bare, tested=False)
+        rounds.answer_question(wait, ("quick",), untested, no_progress)
         made = len(runs)
         assert made, "the next rows are asked for where there are too few"
-        rounds.answer_question(
-            replace(wait, options=StudyOptions(force=True)), ("quick",), question, no_progress
-        )
+        forced = replace(wait, options=StudyOptions(force=True))
+        rounds.answer_question(forced, ("quick",), question, no_progress)
         assert len(runs) > made
 
 

@@ -231,7 +231,7 @@ def test_agreement_names_a_scatter_that_is_larger_than_stated() -> None:
 
 def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
     record = replace(null, p_misfit=1e-3, probabilities={"none": 0.95, "outside_library": 0.05})
-    assert "by errors of measurement" in discover_answer(record, VOC).lines[0]
+    assert "by errors of measurement" in discover_answer(replace(record, levels=level.levels), VOC).lines[0]
     first = discover_answer(replace(record, where=(WET,)), VOC).lines[0]
     assert re.fullmatch("No effect is named.* fails .*, errors of measurement alone, has .* 0.95.", first)
 

@@ -343,18 +343,21 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
 def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns; one of words that name kinds, `crop`, `moisture` of `dry` and `wet`, names set-ups.
 
-    Not where it may repeat a condition that is there in numbers.
+    Not where it may repeat a condition that is there in numbers. A column that numbers the rows names none.
     """
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
+    words_of = {column.place: [row[column.place] for _, row in lines] for column in columns}
+    unique = (c for c in columns if c.role == "group" and len({*words_of[c.place]}) == len(lines))
+    numbering = [c for c in unique if len({re.sub(r"\d", "", w) for w in words_of[c.place]}) < len(lines)]
+    columns = [replace(c, role="remark") if c in numbering else c for c in columns]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
     labels = ["|".join(row[c.place] for c in columns if c.role == "group") for _, row in lines]
     for column in columns:
-        words = [row[column.place] for _, row in lines]
-        role, name = meaning_of(column.heading.name)
+        words, (role, name) = words_of[column.place], meaning_of(column.heading.name)
         unstated = role == "condition" and name not in {each.name for each in settings}
         unknown = column.role == "remark" and (role == "unknown" or unstated)
-        again = len({*zip(words, labels, strict=True)}) == len({*labels})  # the texture of a soil
+        again = 1 < len({*labels}) == len({*zip(words, labels, strict=True)})  # the texture of a soil
         kinds = unknown and not column.numeric and not again and do_words_name_kinds(words, alike)
         if kinds and (both := ranges_of(words, numbers)):
             why = f"its words divide '{both}' into ranges, and either may act: head it 'set-up', or 'note' if"

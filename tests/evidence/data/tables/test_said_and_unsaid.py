@@ -154,6 +154,7 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
         ("drop height", (1, 2, 2, 1, 2, 1, 1, 2), True),
         ("salt content (g/kg)", (3,) * 8, False),  # constant
         ("Reihenfolge", range(4, 12), False),
+        ("freezing cycles", (0, 2, 6, 4, 1, 3, 7, 5), True),  # the result follows it
         ("year", (2020, 2021, 2020, 2021, 2020, 2021, 2020, 2021), False),
         ("predicted (deg)", (30, 33, 36, 35, 31, 32, 37, 34), False),
         ("tangent of it", (0.601, 0.7, 0.781, 0.727, 0.613, 0.713, 0.795, 0.74), False),
@@ -178,6 +179,9 @@ def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_belo
     found, assumed = measured(tmp_path, f"moisture;diameter (mm);angle of repose (deg), mean (SD)\n{rows}")
     assert (found.sd.tolist(), len({*found.group})) == ([0.4] * 6, 3)
     assert "column 'moisture' names set-ups: its words are kinds" in assumed
+    rows = "".join(f"{k};{'abc'[k // 2]};{k % 2};{30 + k};0.4\n" for k in range(6))
+    found, _ = measured(tmp_path, f"Sample no.;Mulch;moisture (%);angle of repose (deg);sd\n{rows}")
+    assert {*found.group} == {*"abc"}
     with pytest.raises(BadInput, match=r"row 2, .*= '31.0 ± 0.0' has a scatter of 0"):
         measured(tmp_path, "moisture (%);angle of repose (deg)\n1;31.0 ± 0.0\n2;33.0 ± 0.4\n")
 
