@@ -94,14 +94,14 @@ def can_effect_act_in_scene(scene: Scene, effect: Effect) -> bool:
 def does_effect_change_scene(scene: Scene, effect: Effect) -> bool:
     """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
     params, strength = effect_params(scene, effect)
-    given = effect_conditions(scene)
+    at = effect_conditions(scene)
     if effect.place == "scene":
         return scene_changed_by(effect, params, strength, scene.conditions.values_in_si(), scene) != scene
     if effect.place == "instrument":
-        return any(effect.act(params, strength, given, name, 1.0) != 1.0 for name in scene.measure)
+        return any(effect.act(params, strength, at, name, 1.0) != 1.0 for name in scene.measure)
     assert effect.constants is not None
     blows = scene.wind is not None or not effect.through_air
-    return blows and effect.constants(params, strength, given) != effect.constants(params, 0.0, given)
+    return blows and effect.constants(params, strength, at) != effect.constants(params, 0.0, at)
 
 
 def effect_params(scene: Scene, effect: Effect) -> tuple[object, float]:

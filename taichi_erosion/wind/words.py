@@ -35,8 +35,8 @@ def formula_line(document: Document) -> str:
     laws += [(f"flux at {wind:g} m/s", by_law, 1e3, "g/(m s)") for wind, by_law in fluxes]
     parts = []
     for name, by_law, scale, unit in laws:
-        if known := [scale * value for value in by_law.values() if isfinite(value)]:
-            ends = dict.fromkeys((plain(min(known)), plain(max(known))))
+        if sizes := [scale * value for value in by_law.values() if isfinite(value)]:
+            ends = dict.fromkeys((plain(min(sizes)), plain(max(sizes))))
             parts.append(f"{name} {' to '.join(ends)} {unit}")
     return f"by the formulas: {', '.join(parts)}"
 

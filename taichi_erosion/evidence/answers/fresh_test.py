@@ -294,8 +294,8 @@ def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setti
     pairs = {(run.scene, overrides_of(run.scene, run.at)) for run in training.runs}
     for observable, rows, conditions_of in predictor.row_requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
-        given = mapping.model_conditions(conditions_of)
-        is_new[rows] = [(scene, overrides_of(scene, row_at(given, k))) not in pairs for k in range(rows.size)]
+        table = mapping.model_conditions(conditions_of)
+        is_new[rows] = [(scene, overrides_of(scene, row_at(table, k))) not in pairs for k in range(rows.size)]
     return is_new
 
 

@@ -59,14 +59,14 @@ def draw_vault(
     hidden = inside | visible | among
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
-    seen = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
+    pool = {units[i] for i in np.flatnonzero((visible | among) & ~inside).tolist()}
     condition_text = measurements.table_units.condition_text
     spans = {name: " to ".join(condition_text(name, end) for end in ends) for name, ends in ranges.items()}
     named = "".join(f", and {name} from {span}" for name, span in spans.items())
     named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
-    return np.flatnonzero(hidden), split_sentence(len(seen), by_group, named, int(hidden.sum()), len(units))
+    return np.flatnonzero(hidden), split_sentence(len(pool), by_group, named, int(hidden.sum()), len(units))
 
 
 def earlier_vault(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
