@@ -93,8 +93,8 @@ def why_column_is_no_condition(
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
-    A column with many values that differs between repeats, and that these do not follow, is no condition
-    where another one varies and so many rows repeat others that this is no accident.
+    A column with many values that differs between repeats is no condition where another one varies, so many
+    rows repeat others that this is no accident, and the results follow it neither there nor it alone.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
@@ -118,9 +118,21 @@ def why_column_is_no_condition(
         return f"it changes with '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
-    if many and np.ptp(rest) > 0.0 and not any(column_affects_result(values, each, rest) for each in results):
+    if (
+        many
+        and np.ptp(rest) > 0.0
+        and not any(acts_here_or_alone(values, y, others, set_ups) for y in results)
+    ):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
+
+
+def acts_here_or_alone(values: Floats, result: Floats, others: NumbersByHeading, set_ups: Floats) -> bool:
+    """Whether a result follows a column where all else is the same, or follows it and no other one."""
+    if column_affects_result(values, result, value_set_numbers([*others.values(), set_ups])):
+        return True
+    first, *more = (column_affects_result(x, result, set_ups) for x in (values, *others.values()))
+    return first and not any(more)
 
 
 def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -> str:
@@ -157,9 +169,13 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
 
 
 def is_computed_from_result(column: Floats, result: Floats) -> bool:
-    """Whether a column is computed from a measured quantity: it follows it within their last digits."""
+    """Whether a column is computed from a measured quantity: it follows it within their last digits.
+
+    Not one of even steps: somebody set them.
+    """
     x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
-    if not is_parabola_of(x, y):
+    steps = np.diff(np.unique(x))
+    if not is_parabola_of(x, y) or np.ptp(steps) < 1e-6 * steps.mean():
         return False
     basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)

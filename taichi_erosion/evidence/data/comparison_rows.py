@@ -145,7 +145,8 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     cell, exact = repeat_group_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, usual = np.where(table.n >= 1.0, table.n, 1.0), observable.transform == "identity"
     shapes = np.array([steepness, np.abs(value) * steepness])[:: 1 if usual else -1]  # of sd; usual first
-    scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
+    sd, design = np.abs(table.sd * steepness), set_up_and_source_numbers(table)
+    scatter = measurement_scatter(exact, sd, repeats, cell, shapes, design)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     alone = np.where(scatter.off, np.arange(scatter.off.size), -1)
     labels = zip(cell, table.group, table.source, reach, alone, strict=True)  # equal for repeats
@@ -244,8 +245,15 @@ def repeat_fit_p(rows: ComparisonRows, variance: Floats, residual: Floats, lever
 
 def repeat_group_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's conditions, set-up and source; equal for repeated rows."""
-    set_ups = [f"{group}|{name}" for group, name in zip(table.group, row_sources(table.source), strict=True)]
-    return condition_groups(table) * table.size + np.unique(np.array(set_ups), return_inverse=True)[1]
+    set_up, source = set_up_and_source_numbers(table)
+    return set_up * table.size + source
+
+
+def set_up_and_source_numbers(table: Measurements | ComparisonRows) -> Floats:
+    """Numbers (2, n) of each row's set-up under its conditions, and of its source."""
+    labels = (np.array(each) for each in (table.group, row_sources(table.source)))
+    set_up, source = (np.unique(each, return_inverse=True)[1].astype(float) for each in labels)
+    return np.array([condition_groups(table) * table.size + set_up, source])
 
 
 def censor_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:

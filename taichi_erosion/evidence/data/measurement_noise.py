@@ -143,11 +143,14 @@ def equal_variance_p(variance: Floats, freedom: Floats) -> float:
     return float(special.chdtrc(variance.size - 1, max(statistic, 0.0) / correction))
 
 
-def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
+def measurement_scatter(
+    z: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats, design: Floats | None = None
+) -> Scatter:
     """Scatter of the rows of one observable.
 
     `cell` is equal for rows that repeat one another; `shapes` are the ways in which sd may vary over the
-    rows, on the comparison scale, the likeliest first.
+    rows, on the comparison scale, the likeliest first. `design` (2, n) numbers the set-up and the block of
+    each row: where neither sd nor repeats state the scatter, it is what levels of both leave.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
@@ -164,10 +167,25 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
         return scale_variance_by_repeats(variance, squares, between, own_variance, off)
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
+    if freedom < LEAST_FREEDOM and design is not None:
+        squares, freedom = block_design_squares(z, repeats, design)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
     return Scatter(variance, 0.0, own_variance, nan, nan, (max(own_variance - 2.0, 0.0), own_variance), off)
+
+
+def block_design_squares(z: Floats, weight: Floats, design: Floats) -> tuple[float, int]:
+    """Squares that levels of set-ups and of blocks leave, and their degrees of freedom.
+
+    Reference: Montgomery (2013), Design and Analysis of Experiments, 4.1 (randomised blocks).
+    """
+    finite = np.isfinite(z)
+    masks = np.hstack([column[finite, np.newaxis] == np.unique(column[finite]) for column in design])
+    root = np.sqrt(weight[finite])
+    y, levels = root * z[finite], root[:, np.newaxis] * masks
+    best, _, rank, _ = np.linalg.lstsq(levels, y)
+    return float(np.sum((y - levels @ best) ** 2)), int(y.size - rank)
 
 
 def scale_variance_by_repeats(

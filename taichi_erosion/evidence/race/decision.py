@@ -157,7 +157,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     rows, _ = race.linear(bare)
     u = best.evidence.solution.scales_for(rows.scales)
     signatures = np.column_stack([race.prepared.whiten(fit.mean - bare.mean) for fit in singles])
-    along, gram = rows.downweight_bad_rows(best.evidence.bad).at_scales(u).project(signatures)
+    along, gram = rows.correct_bad_rows(best.evidence.bad).at_scales(u).project(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
     observed = float(np.max(along / size))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))

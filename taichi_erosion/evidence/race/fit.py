@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
+from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, columns_of, error_blocks, unlisted_blocks
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
@@ -147,6 +148,22 @@ def row_scatter(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scal
     return index.astype(np.int64), sum(parts, Scales.empty())
 
 
+def slips_of_decimal_point(prepared: PreparedProblem) -> Floats:
+    """What a value ten times too large, and one ten times too small, adds to each whitened row (n, 2).
+
+    NaN for limits, means of several rows, and rows with errors in common.
+    """
+    rows, change = prepared.rows, np.full((prepared.rows.size, 2), np.nan)
+    if prepared.error_correlation_of_rows is not None:
+        return change
+    for index, observable in enumerate(rows.observables):
+        single = (rows.which == index) & ~rows.censored & [len(each) == 1 for each in rows.lines]
+        value = from_scale(observable, rows.z[single])[:, np.newaxis] * np.array([0.1, 10.0])
+        gap = rows.z[single, np.newaxis] - to_scale(observable, value)
+        change[single] = gap / prepared.row_sd[single, np.newaxis]
+    return change
+
+
 @dataclass
 class Race:
     """All hypotheses of one table that have been visited."""
@@ -164,6 +181,7 @@ class Race:
         large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
+        self.slips = slips_of_decimal_point(self.prepared)
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""
@@ -179,7 +197,8 @@ class Race:
         linear = jacobian @ at.v + dosed
         scales = sum((b.scale for b in at.blocks), Scales.empty()) + self.scatter_scales
         y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
-        rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
+        whole = np.hstack([x, shared])
+        rows = LinearRows(y, whole, block, self.scatter, scales, np.ones(y.size), self.slips)
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
 
     def fit_at_scales(
@@ -203,9 +222,10 @@ class Race:
             shared &= now.rows.block != len(fit.blocks) - 1
         residual, share = now.rows.columns[:, shared] * now.tau[shared], now.inverse_variance_of_rows
         matrix = residual.T @ (share[:, None] * residual) + np.eye(residual.shape[1])
-        vector = residual.T @ (share * work.residual)
+        gap = work.residual - now.rows.slips_of(fit.evidence.bad)
+        vector = residual.T @ (share * gap)
         limits = work.censored_deviance - float(np.sum(work.residual**2))
-        return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
+        return float(share @ gap**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
     def gauss_newton(self, fit: Fit, most: int, steps: int = 6) -> Fit:
         """At most so many damped steps to a better setting, each with so many steps of the scales.

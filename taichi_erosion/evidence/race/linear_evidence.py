@@ -15,6 +15,7 @@ References: Rasmussen & Williams (2006), Gaussian Processes, 5.4 (evidence); Lon
 817 (scoring of variance components); Tierney & Kadane (1986), J. Am. Stat. Assoc. 81, 82 (Laplace).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log, pi
@@ -23,9 +24,9 @@ import numpy as np
 from scipy import linalg
 
 from taichi_erosion.evidence.data.problem import Floats, Integers
-from taichi_erosion.evidence.race.priors import BAD_ROW, BAD_SD
+from taichi_erosion.evidence.race.priors import BAD_ROW, BAD_SD, SLIP
 
-ODDS = log(BAD_ROW / (1.0 - BAD_ROW))
+ODDS = tuple(log(chance / (1.0 - chance)) for chance in (BAD_ROW, SLIP))
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ class LinearRows:
     scatter: Integers  # (n,), scale of the scatter of every row, counted from the first of these; -1: 1
     scales: Scales  # of the blocks, then of the scatters
     weight: Floats  # (n,)
+    slips: Floats  # (n, 2), what a value ten times too large, or too small, adds to y; NaN where it is none
 
     @cached_property
     def block_count(self) -> int:
@@ -110,11 +112,18 @@ class LinearRows:
             np.array([float(w.size) for _, _, w in each]),
         )
 
-    def downweight_bad_rows(self, bad: frozenset[int]) -> "LinearRows":
-        """The same with BAD_SD times the error in some rows."""
+    def correct_bad_rows(self, bad: Mapping[int, int]) -> "LinearRows":
+        """The same with BAD_SD times the error of blunders, and slips of the decimal point moved back."""
         weight = self.weight.copy()
-        weight[list(bad)] /= BAD_SD**2
-        return replace(self, weight=weight)
+        weight[[row for row, way in bad.items() if not way]] /= BAD_SD**2
+        return replace(self, weight=weight, y=self.y - self.slips_of(bad))
+
+    def slips_of(self, bad: Mapping[int, int]) -> Floats:
+        """What slips of the decimal point add to each row (n,)."""
+        change = np.zeros(self.y.size)
+        for row, way in bad.items():
+            change[row] = self.slips[row, way - 1] if way else 0.0
+        return change
 
     def at_scales(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
@@ -230,29 +239,52 @@ class Evidence:
     """Posterior of one hypothesis with the rows that it finds bad."""
 
     solution: LinearPosterior
-    bad: frozenset[int]
+    bad: Mapping[int, int]  # 0: a blunder; 1, 2: a value ten times too large, too small
     log_evidence: float
 
 
 def row_evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
     """Evidence with every row that is likelier bad than not, summed over one more.
 
-    ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),
-    e its additional variance, P = V^-1, a = P y.
+    Where the scatter grows beyond its doubt, a slip of the decimal point may be the cause: it is tried.
     """
-    bad: frozenset[int] = frozenset()
+    evidence, k = evidence_beside_bad_rows(rows, u, steps, {}), rows.block_count
+    narrow = np.append(evidence.solution.u[:k], np.zeros(u.size - k))
+    if not evidence.bad and np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
+        bad, _ = add_worst_row(rows.at_scales(narrow), {})
+        other = evidence_beside_bad_rows(rows, narrow, steps, bad) if any(bad.values()) else evidence
+        return max(evidence, other, key=lambda each: each.log_evidence)
+    return evidence
+
+
+def evidence_beside_bad_rows(rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int]) -> Evidence:
+    """The same with some rows that are bad."""
     most = max(1, rows.y.size // 12)
     while True:
-        now = optimise_scales(rows.downweight_bad_rows(bad), u, steps)
-        residual, diagonal = now.whitened
-        extra = (BAD_SD**2 - 1.0) / now.inverse_variance_of_rows
-        grown = 1.0 + extra * diagonal
-        gain = ODDS - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
-        gain[list(bad)] = -np.inf
-        gain[rows.scatter < 0] = -np.inf
-        worst = int(np.argmax(gain))
-        if gain[worst] < 1.0 or len(bad) >= most:
+        now = optimise_scales(rows.correct_bad_rows(bad), u, steps)
+        more, gain = add_worst_row(now, bad)
+        if np.max(gain) < 1.0 or len(bad) >= most:
             break
-        bad, u = bad | {worst}, now.u
-    total = now.log_evidence + len(bad) * ODDS + float(np.log1p(np.sum(np.exp(np.minimum(gain, 30.0)))))
+        bad, u = more, now.u
+    odds = sum(ODDS[1 if way else 0] for way in bad.values())
+    total = now.log_evidence + odds + float(np.log1p(np.sum(np.exp(np.minimum(gain, 30.0)))))
     return Evidence(now, bad, total)
+
+
+def add_worst_row(now: LinearPosterior, bad: Mapping[int, int]) -> tuple[dict[int, int], Floats]:
+    """Bad rows with the worst of the others, and ln of o L (n, 3) of each row and way of being bad.
+
+    o are the odds of a bad row; with P = V^-1 and a = P y of a blunder, e its additional variance, and of a
+    slip s of the decimal point
+
+        L = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),    L = exp(s a_i - 1/2 s^2 P_ii)
+    """
+    residual, diagonal = (each[:, np.newaxis] for each in now.whitened)
+    extra = (BAD_SD**2 - 1.0) / now.inverse_variance_of_rows[:, np.newaxis]
+    grown = 1.0 + extra * diagonal
+    blunder = ODDS[0] - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
+    slip = ODDS[1] + now.rows.slips * residual - 0.5 * now.rows.slips**2 * diagonal
+    gain = np.nan_to_num(np.hstack([blunder, slip]), nan=-np.inf)
+    gain[[*bad]] = gain[now.rows.scatter < 0] = -np.inf
+    row, way = np.unravel_index(np.argmax(gain), gain.shape)
+    return {**bad, int(row): int(way)}, gain

@@ -255,7 +255,7 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
         replace(linear_rows, block=rows.block[active])
-        .downweight_bad_rows(fit.evidence.bad)
+        .correct_bad_rows(fit.evidence.bad)
         .at_scales(fit.evidence.solution.u),
         (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
@@ -300,12 +300,12 @@ def leave_one_out_shares(posterior: Posterior) -> Floats:
     weights, shares, random = [], [], np.random.default_rng(SEED)
     for h, p in posterior.likely_hypotheses.items():
         evidence = posterior.race.fits[h].evidence
-        bad = list(evidence.bad)
+        blunders = [row for row, way in evidence.bad.items() if not way]
         for now, _, weight in draw_scales(evidence.solution, p, random):
             residual, diagonal = now.whitened
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
-            variance[bad] -= (1.0 - BAD_SD**-2) / now.inverse_variance_of_rows[bad]
+            variance[blunders] -= (1.0 - BAD_SD**-2) / now.inverse_variance_of_rows[blunders]
             shares.append(special.ndtr(gap / np.sqrt(variance)))
     share = np.exp(weights - np.max(weights, axis=0))
     return np.sum(share * shares, axis=0) / np.sum(share, axis=0)

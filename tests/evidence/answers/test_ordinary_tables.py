@@ -280,3 +280,32 @@ def test_preparations_that_differ_more_than_repeats_are_no_trend_along_a_conditi
     places = ask("compare", study.path).record.where
     assert not any(each.p < 0.01 for each in places)
     assert any(each.p_as_stated < each.p for each in places)
+
+
+@pytest.mark.parametrize(("factor", "row"), [(0.1, 4), (10.0, 1)])
+def test_a_slip_of_the_decimal_point_hides_no_effect_and_is_named(tmp_path, factor, row):
+    moisture, random = 0.5 * np.arange(14.0), np.random.default_rng(4)
+    speed = 0.22 * np.sqrt(1.0 + 1.2 * 1.21 * moisture**0.68) * np.exp(0.02 * random.standard_normal(14))
+    speed[row] *= factor
+    rows = [f"{w};{u:.4f};{0.03 * u:.4f};3" for w, u in zip(moisture, speed, strict=True)]
+    study = study_of(tmp_path, "", "\n".join(["moisture (%);u*t (m/s);SD;n", *rows, ""]))
+    record = answer(study).record
+    assert record.named == ("liquid_bridge",)
+    assert record.effects["liquid_bridge"].strength == pytest.approx(1.2, abs=0.3)
+    assert [each.label for each in record.errors if each.kind == "row"] == [str(row + 2)]
+
+
+def test_what_the_result_follows_alone_is_a_condition_though_it_differs_between_repeats(tmp_path):
+    rows = [
+        f"{k};{w};{0.25 * np.exp(0.03 * k):.3f};3 %" for k, w in enumerate(np.repeat([2, 6, 3, 5, 1, 4], 2))
+    ]
+    table = "\n".join(["freeze-thaw cycles;moisture (‰);u*t (m/s);CV", *rows, ""])
+    assert set(study_of(tmp_path, "", table).file.conditions) >= {"freeze_thaw_cycles", "moisture"}
+
+
+def test_numbers_of_samples_leave_the_soils_of_the_rows(tmp_path):
+    rows = [
+        f"{name};{4 * k + w + 1};{w};{30 + 2 * k + w};0.8;3" for k, name in enumerate("AB") for w in range(4)
+    ]
+    table = "\n".join(["soil;sample no;moisture (%);angle of repose (deg);SD;n", *rows, ""])
+    assert study_of(tmp_path, "", table).problem.measurements.group == ("A",) * 4 + ("B",) * 4

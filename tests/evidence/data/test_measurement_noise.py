@@ -110,6 +110,19 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
     assert found.own_freedom == 6.0
 
 
+def test_blocks_that_each_hold_every_set_up_once_state_the_scatter():
+    set_up, block = map(np.ravel, np.meshgrid(np.arange(6.0), np.arange(4.0)))
+    level, error = (
+        3.0 * set_up + np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)],
+        0.5 * (-1.0) ** (set_up + block),
+    )
+    args = level + error, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
+    scatter = measurement_noise.measurement_scatter(*args, np.array([set_up, block]))
+    assert scatter.pure == (pytest.approx(13.0), 15.0)  # 5 x 3 degrees of freedom
+    assert scatter.variance[0] == pytest.approx(24 * 0.25 / 13.0)
+    assert np.isnan(measurement_noise.measurement_scatter(*args).variance).all()
+
+
 def test_scatter_that_is_larger_everywhere_is_no_disagreement():
     assert not disagreeing(4.0 * np.random.default_rng(7).standard_normal(CELL.size), CELL, True).any()
 

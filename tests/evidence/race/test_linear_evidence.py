@@ -21,7 +21,15 @@ def rows(seed: int = 0, size: int = 14) -> LinearRows:
     scatter = np.array([0] * 6 + [1] * (size - 8) + [-1] * 2)
     block = np.array([-1, -1, 0, 1, 1, 1])
     columns = random.standard_normal((size, block.size))
-    return LinearRows(random.standard_normal(size), columns, block, scatter, SCALES, np.ones(size))
+    return LinearRows(
+        random.standard_normal(size),
+        columns,
+        block,
+        scatter,
+        SCALES,
+        np.ones(size),
+        np.full((size, 2), np.nan),
+    )
 
 
 def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:
@@ -72,6 +80,7 @@ def test_a_level_is_integrated_over_its_heavy_tail():
         np.zeros(size, dtype=np.int64),
         one_scale("level", cauchy=0.25) + one_scale("scatter", doubt=0.35),
         np.ones(size),
+        np.full((size, 2), np.nan),
     )
     far, near = (row_evidence(t, t.scales.initial, 20) for t in (offset, replace(offset, y=offset.y - 6.0)))
     # a level of six standard errors costs its prior, not its misfit of 430 / 2
@@ -85,7 +94,17 @@ def test_one_bad_row_is_found_and_weighs_little():
     y = table.y.copy()
     y[9] += 12.0
     dirty = row_evidence(replace(table, y=y), table.scales.initial, 20)
-    assert (clean.bad, dirty.bad) == (frozenset(), {9})
+    assert (clean.bad, dirty.bad) == ({}, {9: 0})
     assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD**-2)
     np.testing.assert_allclose(dirty.solution.centre[:2], clean.solution.centre[:2], atol=0.25)
     assert clean.log_evidence - dirty.log_evidence < 12.0
+
+
+@pytest.mark.parametrize(("gap", "way"), [(60.0, 1), (-1000.0, 2)])
+def test_a_slip_of_the_decimal_point_is_moved_back_and_is_no_scatter(gap, way):
+    table = replace(rows(size=24), slips=np.full((24, 2), [60.0, -1000.0]))
+    clean = row_evidence(table, table.scales.initial, 20)
+    slip = row_evidence(replace(table, y=table.y + gap * (np.arange(24) == 9)), table.scales.initial, 20)
+    assert (clean.bad, slip.bad) == ({}, {9: way})
+    np.testing.assert_allclose(slip.solution.u, clean.solution.u, atol=1e-2)
+    assert clean.log_evidence - slip.log_evidence == pytest.approx(np.log(999.0), abs=0.1)

@@ -343,13 +343,11 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
 def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns; one of words that name kinds, `crop`, `moisture` of `dry` and `wet`, names set-ups.
 
-    Not where it may repeat a condition that is there in numbers. A column that numbers the rows names none.
+    Not where it may repeat a condition that is there in numbers.
     """
+    columns = drop_row_numbers(columns, reading)
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     words_of = {column.place: [row[column.place] for _, row in lines] for column in columns}
-    unique = (c for c in columns if c.role == "group" and len({*words_of[c.place]}) == len(lines))
-    numbering = [c for c in unique if len({re.sub(r"\d", "", w) for w in words_of[c.place]}) < len(lines)]
-    columns = [replace(c, role="remark") if c in numbering else c for c in columns]
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
     labels = ["|".join(row[c.place] for c in columns if c.role == "group") for _, row in lines]
@@ -366,6 +364,21 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
             reading.interview.assume(f"column '{column.heading.text}' names set-ups: its words are kinds")
             column = replace(column, role="group")
         yield column
+
+
+def drop_row_numbers(columns: Sequence[Column], reading: Reading) -> Sequence[Column]:
+    """The columns; of set-ups that number the rows, `P 1`, `P 2`, the one with most numbers names none."""
+    lines = reading.cells.lines
+    while groups := [column for column in columns if column.role == "group"]:
+        labels = ["|".join(row[column.place] for column in groups) for _, row in lines]
+        if len({*labels}) < len(lines) or len({re.sub(r"\d", "", each) for each in labels}) == len(lines):
+            break
+        numbers = max(
+            reversed(groups), key=lambda c: len({re.sub(r"\D", "", row[c.place]) for _, row in lines})
+        )
+        reading.interview.assume(f"not used: '{numbers.heading.text}' (it numbers the rows)")
+        columns = [replace(each, role="remark") if each is numbers else each for each in columns]
+    return columns
 
 
 def drop_column_with_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:

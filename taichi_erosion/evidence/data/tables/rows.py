@@ -17,7 +17,6 @@ import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cached_property
 from math import inf, isfinite, isnan, nan, sqrt
 from typing import Any, TypeVar, get_args
 
@@ -41,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds, word_of_summary_row
+from taichi_erosion.tables.spreadsheet import Cells, word_of_summary_row
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -259,9 +258,9 @@ class RowReader:
         errors = {name: number.sd for name, number in numbers}  # behind ±
         for each in self.columns_with("condition_sd"):
             errors[each.title] = self.read_positive(line, row, each)
-        set_up = "" if self.has_numbered_rows else self.text(row, "group")
+        labels = self.text(row, "group"), self.source_of_row(line, row)
         shared = Row(
-            *(line, "", nan, False, nan, None, "", set_up, self.source_of_row(line, row)),
+            *(line, "", nan, False, nan, None, "", *labels),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
             draw=self.read_vault_draw(line, row),
@@ -397,12 +396,6 @@ class RowReader:
     def text(self, row: Sequence[str], role: Role) -> str:
         """Words of a row in the columns of a role."""
         return ", ".join(row[column.place] for column in self.columns_with(role) if row[column.place])
-
-    @cached_property
-    def has_numbered_rows(self) -> bool:
-        """Whether the set-ups of a laboratory's own table number its rows, `P 1`, `P 2`."""
-        labels = ["".join(each[c.place] for c in self.columns_with("group")) for _, each in self.cells.lines]
-        return not self.tidy and len({*labels}) == len(labels) and not do_words_name_kinds(labels, alike=True)
 
     def source_of_row(self, line: int, row: Sequence[str]) -> str:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
