@@ -2,13 +2,12 @@
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 from scipy.special import fdtrc
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
 from taichi_erosion.tables.headings import Heading, is_summary_word, plain_words, read_heading
@@ -17,7 +16,7 @@ CHANCE = 0.01  # p of a quantity that follows a column where all else is the sam
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
-AGAIN = "it follows the measured quantity exactly"
+AGAIN, ALIKE = "it follows the measured quantity exactly", "it changes with"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
@@ -68,23 +67,25 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
 
 
 def non_conditions(
-    columns: NumbersByHeading, results: Sequence[Floats], conditions: NumbersByHeading, set_ups: Floats
+    columns: NumbersByHeading,
+    results: Sequence[Floats],
+    conditions: NumbersByHeading,
+    set_ups: Floats,
+    names: Collection[str] = (),
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
-    `results` are the measured quantities, `conditions` are others, `set_ups` name the set-up of each row.
-    Raises BadInput where nothing is left but a column that may be computed from a result.
+    `results` are the measured quantities, `conditions` are others, `set_ups` name the set-up of each row,
+    `names` are the headings of known conditions, which are computed from no result or other condition.
     """
     others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
         reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
+        reason = "" if heading in names and reason.startswith((AGAIN, ALIKE)) else reason
         if reason:
             why[heading] = reason
         else:
             others[heading] = np.nan_to_num(values)
-    if lone := [text for text, reason in why.items() if reason == AGAIN and not others]:
-        remedy = f"say --condition '{stem(lone[0])}=UNIT' where it was set, or begin its heading with 'note'"
-        raise BadInput(f"column '{lone[0]}': {AGAIN}, and nothing else varies; {remedy}")
     return why
 
 
@@ -98,8 +99,8 @@ def why_column_is_no_condition(
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
-        tells = any(column_affects_result(np.nan_to_num(values), each, rest) for each in results)
-        return "" if tells else "it is not known in every row"
+        acts = any(acts_here_or_alone(np.nan_to_num(values), y, others, set_ups) for y in results)
+        return "" if acts else "it is not known in every row"
     whole = bool(np.all(values == np.round(values))) and not read_heading(heading).unit
     if distinct.size == 1:
         return "it is the same in all rows"
@@ -115,7 +116,7 @@ def why_column_is_no_condition(
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
     if same:
-        return f"it changes with '{same[0]}' alone"
+        return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
     if (

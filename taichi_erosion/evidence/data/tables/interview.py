@@ -52,7 +52,15 @@ from taichi_erosion.tables.headings import (
     plain_words,
     word_length,
 )
-from taichi_erosion.tables.number_columns import follows, is_height, non_conditions, own_name, ranges_of, stem
+from taichi_erosion.tables.number_columns import (
+    AGAIN,
+    follows,
+    is_height,
+    non_conditions,
+    own_name,
+    ranges_of,
+    stem,
+)
 from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
@@ -63,6 +71,7 @@ SPREADS = {
 }
 BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
+COMPUTED = "begin its heading with 'note' if it is computed from it, or say"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
@@ -111,6 +120,7 @@ def understand_columns(
     measures = any(column.role == "observable" for column in columns)
     columns = drop_wind_profiles(columns, reading)
     columns = join_repeat_columns(settle_columns(columns, reading, measures), reading)
+    columns = drop_row_numbers(columns, reading)
     columns = rename_unread_conditions(list(drop_unusable_columns(columns, reading)), reading)
     for column in (each for each in columns if each.unclear):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
@@ -314,30 +324,48 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     unread = [c for c in columns if c.role == "condition" and c.name not in reads.difference(AIR)]
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
-    labels, filled = ("group", "source"), [*down] if reading.options.fill_down else rows
-    named = ["|".join(row[c.place] for c in columns if c.role in labels) for row in filled]
-    set_ups = np.unique(named, return_inverse=True)[1].astype(np.float64)
+    filled = [*down] if reading.options.fill_down else rows
+    labels = [c.place for c in columns if c.role in ("group", "source")]
+    set_ups = np.unique(["|".join(row[k] for k in labels) for row in filled], return_inverse=True)[1] + 0.0
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
-    results += [np.mean(results, axis=0)]  # of repeats side by side
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
-    why = non_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups)
-    rest, names = list[Column](), [*RESERVED, *(c.title for c in others)]
-    if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
+    known = [c.heading.text for c in unread if c.name.startswith(CONDITION) and not (c.unread or c.unclear)]
+    results += [np.mean(results, axis=0)]  # of repeats side by side
+    why = non_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups, known)
+    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason != AGAIN]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
+    alone = [c for c, x in values.items() if follows(x, set_ups)]
+    alone = alone if len(alone) < len(values) else []
+    return list(
+        settle_unread_columns(columns, {c: why.get(c.heading.text, "") for c in unread}, alone, reading)
+    )
+
+
+def settle_unread_columns(
+    columns: Sequence[Column], why: Mapping[Column, str], alone: Sequence[Column], reading: Reading
+) -> Iterator[Column]:
+    """The columns; those of `why` are not used where it tells a reason, else conditions with own names.
+
+    `alone` change with the set-up alone.
+    """
+    names = [*RESERVED, *(c.title for c in columns if c.role == "condition" and c not in why)]
     for column in columns:
-        text, name = column.heading.text, own_name(column.heading.name, names, column.place)
-        if column in unread and text in why:
+        reason, text = why.get(column), column.heading.text
+        if reason == AGAIN:
+            condition = f"{column.heading.name}={column.heading.unit or 'UNIT'}"
+            column = reading.reject(column, f"{AGAIN}: {COMPUTED} --condition '{condition}' where it was set")
+        elif reason:
             column = replace(column, role="remark")
-        elif column in unread and column.name not in reads:
-            alone = follows(values[column], set_ups) and not all(follows(x, set_ups) for x in values.values())
-            reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}{BY_SET_UP * alone}")
+        elif reason == "" and column.name not in (reading.options.reads or ()):
+            told = f"column '{text}' is kept as a condition; {UNREAD}{BY_SET_UP * (column in alone)}"
+            reading.interview.assume(told)
             if column.unclear or not column.name.startswith(CONDITION):  # a grass cover is no salinity
+                name = own_name(column.heading.name, names, column.place)
                 column = replace(column, name=CONDITION + name, title=name, unclear="")
             column = replace(column, unread=True)
             names.append(column.title)
-        rest.append(column)
-    return rest
+        yield column
 
 
 def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
@@ -345,7 +373,6 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
 
     Not where it may repeat a condition that is there in numbers.
     """
-    columns = drop_row_numbers(columns, reading)
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
     words_of = {column.place: [row[column.place] for _, row in lines] for column in columns}
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
@@ -366,7 +393,7 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
         yield column
 
 
-def drop_row_numbers(columns: Sequence[Column], reading: Reading) -> Sequence[Column]:
+def drop_row_numbers(columns: list[Column], reading: Reading) -> list[Column]:
     """The columns; of set-ups that number the rows, `P 1`, `P 2`, the one with most numbers names none."""
     lines = reading.cells.lines
     while groups := [column for column in columns if column.role == "group"]:
