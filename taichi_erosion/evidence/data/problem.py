@@ -3,7 +3,7 @@
 They are the whole input of the statistics; `evidence/record.py` holds the output.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
@@ -204,6 +204,7 @@ class Problem:
     uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error
     dosed_by_row: bool = False  # whether the model takes a dose of its own for every row
     mechanisms: tuple[Mechanism, ...] = ()  # places that the model declares
+    unread: Collection[str] = ()  # conditions that neither the model nor an effect reads
     replicates: Replicates | None = None  # of a model whose values have no scatter any more: an emulator
 
     @property

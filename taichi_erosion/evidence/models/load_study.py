@@ -1,7 +1,7 @@
 """Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -109,7 +109,7 @@ class StudyModel:
     uncertainty: ModelErrorCovariance | None = None
     mechanisms: tuple[Mechanism, ...] = ()  # that a function declares
     simulator: Simulator | None = None
-    notes: tuple[str, ...] = ()  # on conditions that change no run
+    unread: Mapping[str, str] = field(default_factory=dict)  # conditions that change no run -> what to do
 
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
@@ -154,8 +154,18 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
         mechanisms=tuple(each for each in parts.mechanisms if choice is None or each.name in choice),
+        unread=tuple(parts.unread),
     )
-    shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
+    shared = (
+        path,
+        file,
+        problem,
+        results,
+        digest,
+        parts.identity,
+        store,
+        (*notes, *filter(None, parts.unread.values()), vault_note),
+    )
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
     return Study(*shared, parts.simulator, options=options, fresh=fresh, effect_files=files)
 
@@ -183,9 +193,9 @@ def load_function_model(path: Path, file: StudyFile, store: RunStore, files: Eff
     model = NameMapping(values, dict(file.conditions), observables)
     uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
     identities = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
-    return StudyModel(
-        model, identities, tried, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
-    )
+    unread = {n: "" for n, place in file.conditions.items() if place.startswith(simulator.CONDITIONS)}
+    parts = model, identities, tried, adopted, (), uncertainty, plugin.mechanisms
+    return StudyModel(*parts, unread=unread)
 
 
 def load_scene_model(
@@ -204,9 +214,9 @@ def load_scene_model(
     study_model = replace(study_model, measures=measures)
     names = [f"{scene.name} {scene_hash(study_model.load_scene_at(scene))}" for scene in scenes]
     identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
-    unread = simulator.unread_column_notes(file, study_model, tried)
+    unread = dict(simulator.unread_conditions(file, study_model, tried))
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
-    return StudyModel(model, identity, tried, adopted, parameters, simulator=study_model, notes=tuple(unread))
+    return StudyModel(model, identity, tried, adopted, parameters, simulator=study_model, unread=unread)
 
 
 def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]) -> Sequence[Candidate]:

@@ -256,8 +256,10 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     ]
 
 
-def unread_column_notes(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
-    """Sentences on columns that change no run: no effect of the scenes and no candidate reads them."""
+def unread_conditions(
+    file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]
+) -> Iterator[tuple[str, str]]:
+    """Conditions that change no run, with a sentence: no effect of the scenes and no candidate reads them."""
     acting = [simulator.effects_acting_in_scene(each.scene) for each in simulator.measures.values()]
     present = {each.name for each in tried}.union(file.adopted, *acting)
     conditions = {name for effect in present for name in simulator.library[effect].reads}
@@ -266,7 +268,7 @@ def unread_column_notes(file: StudyFile, simulator: Simulator, tried: Sequence[C
         able = ", ".join(key for key, effect in simulator.library.items() if names & {*effect.reads})
         remedy = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
         if not any(condition_matters(path, conditions) for path in dotted_paths(paths)):
-            yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
+            yield name, f"{name} changes no run: no effect of the scenes and no candidate reads it; {remedy}."
 
 
 def as_candidate(name: str, entry: CandidateEntry | AdoptedEntry, effects: Mapping[str, Effect]) -> Candidate:

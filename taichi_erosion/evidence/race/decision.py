@@ -3,7 +3,8 @@
 An effect is named if the explanations that hold it have SURE together; effects that these measurements do not
 tell apart are one group if one of them acts with SURE; a mechanism, or at most three, likewise; "not in the
 list" is said if what no list holds has SURE. Else nothing is named, and the probabilities are told. A name
-that the best of all candidates could have by chance by max-T is not given, nor one whose fit the rows refute.
+that the best of all candidates could have by chance by max-T is not given, nor one whose fit the rows refute,
+nor one of which a condition that no effect reads imitates the change: either may act.
 
 The check, max-T, of the changes g_k that candidates make alone, fitted, with P = V^-1 under nothing and
 the errors that the best explanation leaves; candidates that imitate each other count once:
@@ -21,15 +22,18 @@ from dataclasses import dataclass, fields, replace
 from math import log
 
 import numpy as np
+from scipy import special
 
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
+from taichi_erosion.evidence.race.priors import ADEQUATE, DRAWS, FAMILYWISE, KEEP, SEED, SHARED, SURE, Priors
 from taichi_erosion.evidence.race.search import prior
 from taichi_erosion.evidence.record import DecisionPart, Verdict
+from taichi_erosion.tables.number_columns import variance_left_by_parabola
 
 MOST_TOLD = 3  # of a group: more is no answer
 VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds
@@ -76,7 +80,9 @@ def decide_cause(posterior: Posterior) -> Decision:
     both = tuple(name for name, p in sound.items() if p >= SURE)
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
-    single = sound if refuted or named else inclusion | sound
+    if imitators := imitating_conditions(race, named, group):
+        named, group = (), ()
+    single = sound if refuted or imitators or named else inclusion | sound
     leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
@@ -88,6 +94,7 @@ def decide_cause(posterior: Posterior) -> Decision:
         acting_mechanisms=leading if verdict == "outside_library" else (),
         together=len(both) > 1,
         refuted=refuted,
+        imitators=imitators,
         probabilities=probabilities_of_explanations(posterior, {*effects, *mechanisms}),
         p=chance,
         unlisted=outside,
@@ -120,6 +127,30 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
     return listed and is_adequate(best, FAMILYWISE) and chi_square_of_fit(best) < chi_square_of_fit(race.bare)
+
+
+def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, Acting]:
+    """Conditions that no effect reads of which a parabola makes what an effect does in these rows."""
+    imitators, rows = {}, race.prepared.rows
+    for name in (*named, *group):
+        rest = tuple(each for each in named if each != name)
+        fits = [race.fits.get(Hypothesis(tuple(sorted(names)))) for names in ((*rest, name), rest)]
+        change = np.subtract(*(fit.mean if fit else race.bare.mean for fit in fits))
+        varying = [c for c in race.prepared.problem.unread if np.ptp(np.nan_to_num(rows.conditions[c])) > 0.0]
+        alike = tuple(each for each in varying if imitates(rows.conditions[each], change))
+        imitators |= {name: alike} if alike else {}
+    return imitators
+
+
+def imitates(column: Floats, change: Floats) -> bool:
+    """Whether a parabola of a condition makes a change of the rows, and not by chance."""
+    good = np.isfinite(column)
+    free = int(good.sum()) - 3
+    if free < 1 or np.ptp(change[good]) == 0.0:
+        return False
+    left = variance_left_by_parabola(change[good], column[good], np.zeros(free + 3))
+    chance = special.fdtrc(2, free, (1.0 / max(left, 1e-12) - 1.0) * free / 2.0)
+    return left < 1.0 - SHARED and bool(chance < ADEQUATE)
 
 
 def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:

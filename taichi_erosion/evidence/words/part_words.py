@@ -302,8 +302,8 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not can_test_any_effect(record):
         return "No effect is named before the errors above are fixed."
-    if record.refuted:
-        return refuted_name_sentence(record, voc)
+    if record.refuted or record.imitators:
+        return withheld_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     places, chances = worst_places(record), [record.p_misfit, record.p_lack_of_fit]
     state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
@@ -327,9 +327,14 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     return f"No effect is named: {state}. Of all explanations {best}."
 
 
-def refuted_name_sentence(record: Record, voc: say.Vocabulary) -> str:
+def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
     best, parts_of_best = record.refuted, [record.effects[name] for name in record.refuted]
+    if record.imitators:
+        names = say.join_words(map(voc.effect_title, record.imitators), "or")
+        at = say.join_words(map(say.in_words, dict.fromkeys(sum(record.imitators.values(), ()))), "or")
+        why = "in these rows the two vary together, and either may act: measure at one value of it"
+        return f"No effect is named: {names} would explain the data, but so would {at}; {why}."
     why = "the rows contradict its law: it acts in another way, or something else acts"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
