@@ -34,7 +34,7 @@ class PhysicalRange:
 
 
 ANGLE = PhysicalRange("deg", 0.0, 90.0, (5.0, 70.0))
-THRESHOLD = PhysicalRange("m/s", 0.0, 10.0, (0.03, 3.0))
+THRESHOLD = PhysicalRange("m/s", 1e-3, 10.0, (0.03, 3.0))
 TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0))
 LENGTH = PhysicalRange("m", 0.0, 100.0)
 SHARE = PhysicalRange("1", 0.0, 1.0)

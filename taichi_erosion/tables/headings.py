@@ -56,7 +56,12 @@ SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
 VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
-HEIGHT = re.compile(r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)(?![\w/^-])")
+HEIGHT = re.compile(
+    r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot))(?![\w/^-])"
+)
+RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
+    r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
+)
 INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
 SPEED = (("meter", 1), ("second", -1))
 ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
@@ -315,8 +320,8 @@ def qualifying_words(heading: Heading) -> tuple[str, str]:
     scopes = [words for scope, words in known_words()["changes"].items() if scope in (meaning, "everywhere")]
     scopes += [known_words()["laws"][law] for law, (places, *_) in LAWS.items() if meaning in places]
     changed = [word for words in scopes for word in words if word_length(word, remainder)]
-    parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
-    if len([name for role, name in parts if role in KINDS.values()]) > 1 and remainder:
+    parts = [meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")]
+    if RATIO.search(heading.name) or (len([r for r, _ in parts if r in KINDS.values()]) > 1 and remainder):
         changed.append("/")  # a ratio of two quantities
     others = [word for word in re.findall(r"[^\W\d_]{3,}", remainder) if word not in words_of("harmless")]
     return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
@@ -359,7 +364,8 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
     match = HEIGHT.search(text.replace("_", " "))
     if match is not None:
-        return float(match["number"].replace(",", ".")) * parse_scale(match["unit"]).factor
+        unit = "ft" if match["foot"] else match["unit"]
+        return float(match["number"].replace(",", ".")) * parse_scale(unit).factor
     index = INDEX.match(text)
     return nan if index is None else float(index["number"])
 

@@ -39,7 +39,8 @@ RESULTS = re.compile(  # words of what is measured or computed beside a measurem
 
 def stem(heading: str) -> str:
     """A heading without the number of a repeat: `angle` of `angle 1` and of `angle rep. 1`."""
-    return NUMBERED.sub("", heading) or heading
+    bare = NUMBERED.sub("", heading)
+    return bare if bare and bare.count("(") == bare.count(")") else heading
 
 
 def is_height(heading: Heading, values: Sequence[float]) -> bool:

@@ -70,6 +70,7 @@ class Cells:
     decimal_comma: bool = False
     form: str = ""  # how the file was read, in words
     notes: tuple[str, ...] = ()  # what cells were taken for
+    titles: str = ""  # words above and below the table
 
     @property
     def heading(self) -> tuple[str, ...]:
@@ -98,10 +99,12 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
+    titles = [" ".join(cells) for _, cells in rows[:start]]
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
-        rows.pop()  # a footnote
+        titles += rows.pop()[1]  # a footnote
     rows = name_blank_repeat_columns(with_one_heading(rows[start:]))
-    return apply_number_laws(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
+    cells = Cells(name, tuple(trim_rows(rows, name, faults)), comma, form, titles=" ".join(titles))
+    return apply_number_laws(cells)
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:
@@ -395,7 +398,15 @@ def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
 
 
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
-    """Word of a row that sums up others, those alike in all conditions, or all; empty for another row."""
+    """Word of a row that sums up others, those alike in all conditions, or all; empty for another row.
+
+    Or one of a statistic of them, `F`, `LSD`, `Tukey HSD`, with fewer cells than they have or a long word.
+    """
+    label = next(filter(None, row), "")
+    words, filled = re.findall(r"[^\W\d_]+2?", label.casefold()), [sum(map(bool, r)) for _, r in cells.lines]
+    fewer = sum(map(bool, row)) < sorted(filled)[len(filled) // 2] or max(map(len, words), default=0) > 2
+    if words and fewer and {*words} <= {*known_words()["rows"]["statistic"]}:
+        return label
     at, word = [row[k] for k in conditions], next(filter(is_summary_word, row), "")
     rest = (each for _, each in cells.lines if word not in each)
     return word if word and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""

@@ -68,7 +68,7 @@ from taichi_erosion.tables.number_words import toml_key
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 Document = dict[str, Any]
-GRAIN_UNITS = ("mm", "um", "µm", "μm")  # of lengths that may be the size of grains
+GRAIN_UNITS = ("mm", "um", "µm", "μm", "in", "inch", "in.")  # of lengths that may be the size of grains
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
@@ -280,7 +280,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for heading in (column.heading for column in table.columns if column.unread):
-            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "roles", "others")[0]:
+            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "others")[0]:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")

@@ -16,7 +16,7 @@ References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017)
 Biometrika 97, 465 (half-Cauchy scales).
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -30,7 +30,6 @@ from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
 EACH_SET_UP = "each_set_up"  # differs for itself, along no condition
-STRAIGHT = "straight "  # before a condition: along it, in a straight line
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
 
@@ -46,18 +45,16 @@ class Block:
 
 
 def unlisted_blocks(
-    rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors, unread: Collection[str]
+    rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors
 ) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
     One key for each: something acts along one condition, or along all; or each set-up differs for itself.
-    Along a condition that no effect reads it may be a straight line: one number, as a listed effect has.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
     axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
     blocks_along = {}
-    lines = (STRAIGHT + name for name in axes if name in unread)
-    for along in ("", *(axes if len(axes) > 1 else ()), *lines, EACH_SET_UP):
+    for along in ("", *(axes if len(axes) > 1 else ()), EACH_SET_UP):
         blocks_along[along] = [
             replace(
                 block,
@@ -139,20 +136,14 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 
 
 def smooth_columns(rows: ComparisonRows, observable: str, mask: Bools, sd: float, along: str = "") -> Floats:
-    """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance.
-
-    Of a straight line along one condition F is its values.
-    """
+    """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
     fitted, group, by_set_up = mask[at], np.array(rows.group)[at], along == EACH_SET_UP
     kernel = np.where(by_set_up, group[:, None] == group, 1.0)
-    line, condition = along.startswith(STRAIGHT), along.removeprefix(STRAIGHT)
-    for name in () if by_set_up else [condition] if along else rows.conditions:
+    for name in () if by_set_up else [along] if along else rows.conditions:
         column = rows.conditions[name][at]
         axis = axis_scale_of(column[fitted])
-        if axis is not None and line:
-            kernel = np.outer(axis(column), axis(column))
-        elif axis is not None:
+        if axis is not None:
             place = axis.standardise_column(column)
             share = (place - place[fitted].min()) / np.ptp(place[fitted])
             distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH

@@ -178,7 +178,7 @@ class Race:
         rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(error_blocks(rows, finite, sd, self.priors))
-        large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
+        large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
         self.slips = slips_of_decimal_point(self.prepared)

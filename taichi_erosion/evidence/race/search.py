@@ -16,7 +16,7 @@ from math import comb, log
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.blocks import EACH_SET_UP, STRAIGHT
+from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
@@ -41,8 +41,7 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 def log_prior_of(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
     whole = prior(race, hypothesis, race.priors) / comb(len(race.model.candidates), len(hypothesis.names))
-    shapes = [along for along in race.large if along != EACH_SET_UP and not along.startswith(STRAIGHT)]
-    return log(whole / (len(shapes) if hypothesis.extra else 1))
+    return log(whole / (len(race.large) - 1 if hypothesis.extra else 1))
 
 
 def search_effect_sets(race: Race) -> None:

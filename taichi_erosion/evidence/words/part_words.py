@@ -241,7 +241,8 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
-        return f"Missing: {words}{open_}.{' Not in the list of effects.' if record.acting_mechanisms else ''}"
+        outside = {*record.acting_mechanisms}.difference(record.effects)
+        return f"Missing: {words}{open_}.{' Not in the list of effects.' * bool(outside)}"
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"
         chance = say.probability_text(record.unlisted)
@@ -314,7 +315,8 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
         return f"No effect is named: {state}; no condition varies along which one could be seen."
     level = max((each.probability for each in record.levels), default=0.0) >= SURE
     alike = agrees(record) and share >= LIKELY and all(each.kind != "group" for each in record.errors)
-    if leading == "none" and (alike or (share >= SURE and level and not places)):
+    trend = places or any(each.p_as_stated < ADEQUATE for each in record.where)
+    if leading == "none" and (alike or (share >= SURE and level and not trend)):
         none = f"probability that none acts: {say.probability_text(share)}"
         return f"No missing effect is seen: {state}{' by errors of measurement' * fails(record)}; {none}."
     why = f"; a name needs {SURE:g}" * (leading not in ("none", "each_set_up"))

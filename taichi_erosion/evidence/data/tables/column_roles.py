@@ -237,11 +237,14 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
-        yield f"{where}: an interval of the mean is no scatter: give the sd of single repeats; {UNUSED}"
+        yield f"{where}: an interval or a multiple is no scatter: give the sd of single repeats; {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
-    if used and not column.numeric:
-        first = next(row[column.place] for _, row in cells.lines if row[column.place])
+    first = next((row[column.place] for _, row in cells.lines if row[column.place]), "")
+    unknown = bool(column.heading.unit) and meaning_of(column.heading.name)[0] == "unknown"
+    fractions = column.role == "remark" and unknown and has_digit([first])  # `1/16` below `size of shot (in)`
+    noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
+    if (used or fractions) and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
 
 

@@ -63,6 +63,7 @@ from taichi_erosion.tables.number_columns import (
 )
 from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
+MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
@@ -126,7 +127,7 @@ def understand_columns(
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
     columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
-    if measured and not any(column.role == "observable" for column in columns):
+    if measured and not faults and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
@@ -268,6 +269,8 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         used = column.role in ("observable", "condition") and not column.unread
         wrong = column_meaning_fault(column, earlier, reading.options) if used else ""
         alike = [each for each in bent if each.role == "observable" or each.name == column.name]
+        if used and MULTIPLE.search(column.heading.text):
+            wrong = "its numbers count in a power of ten: write them in the unit itself"
         if alike and column.role in ("sd", "se", "cv", "condition_sd"):
             wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
         if used:

@@ -53,6 +53,7 @@ NAME = re.compile(r"[^\W\d_]\w{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>.+)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
 MOST_REPEATS = 10**9
+MOST_SCATTER = 10.0  # sd of a measurement over its value
 SHOWN = 40  # characters of a cell that a message repeats
 SOLO_ROWS = 3  # with one fault, up to which each is told
 MOST_LISTED = 6  # numbers of rows in a sentence
@@ -285,6 +286,8 @@ class RowReader:
         counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
+        if sd > MOST_SCATTER * abs(cell.value) > 0.0:
+            self.add_fault(line, column, row, f"has a scatter of {sd:g}: leave it away where it is not known")
         if sd == 0.0:
             self.add_fault(line, column, row, "has a scatter of 0: leave it away where it is not known")
         if isnan(sd):  # what the user states
