@@ -57,7 +57,7 @@ VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
 HEIGHT = re.compile(
-    r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot))(?![\w/^-])"
+    r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))(?![\w/^-])"
 )
 RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
@@ -364,7 +364,7 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
     match = HEIGHT.search(text.replace("_", " "))
     if match is not None:
-        unit = "ft" if match["foot"] else match["unit"]
+        unit = "ft" if match["foot"] else "in" if match["inch"] else match["unit"]
         return float(match["number"].replace(",", ".")) * parse_scale(unit).factor
     index = INDEX.match(text)
     return nan if index is None else float(index["number"])

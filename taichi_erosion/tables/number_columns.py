@@ -32,7 +32,7 @@ LEAST_LEVELS = 6  # different numbers from which a parabola says something
 REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at its centre alone
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
-    r"\b(?:predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
+    r"\b(?:tan\b|tangen|predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
     r"trapped|loss|error|hausner|mass of sand|sand mass|weight of sand)"
 )
 

@@ -207,6 +207,10 @@ def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[
         words = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
         raise BadInput(f"{name}: {words}") from None
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
+        filled = {line for line, row in enumerate(sheet.iter_rows(values_only=True), 1) if any(row)}
+        if hidden := [line for line in filled if sheet.row_dimensions[line].hidden]:
+            words = f"row {min(hidden)} is hidden: show it if it counts, else delete it"
+            raise BadInput(f"{name}: sheet '{sheet.title}', {words}")
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
             # an empty text that was computed has the type of a text

@@ -63,6 +63,10 @@ from taichi_erosion.tables.number_columns import (
 )
 from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
+STANDARD_ERROR = re.compile(
+    r"±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误",
+    re.IGNORECASE,
+)
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
@@ -113,6 +117,12 @@ def understand_columns(
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = columns_with_roles(cells, options, faults)
+    signs = any("±" in row[c.place] for _, row in cells.lines for c in columns if c.role == "observable")
+    if signs and STANDARD_ERROR.search(cells.titles):
+        words = (
+            "words beside the table make ± a standard error: write a column 'SE' with n, or the sd of repeats"
+        )
+        faults.append(f"{cells.file}: {words}")
     for note in cells.notes:
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
@@ -127,7 +137,7 @@ def understand_columns(
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
     columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
-    if measured and not faults and not any(column.role == "observable" for column in columns):
+    if measured and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "

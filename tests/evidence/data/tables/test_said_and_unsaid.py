@@ -228,8 +228,8 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
 @pytest.mark.parametrize(
     ("plain", "heading", "words"),
     [
-        ("SD", "± 95 % confidence", "an interval of the mean is no scatter"),
-        ("SD", "95% CI", "an interval of the mean is no scatter"),
+        ("SD", "± 95 % confidence", "an interval or a multiple is no scatter"),
+        ("SD", "95% CI", "an interval or a multiple is no scatter"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
     ],
@@ -384,7 +384,7 @@ def test_a_condition_that_is_followed_closely_is_no_result(tmp_path, heading):
 def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
     rows = "".join(f"{1.2 * u * u:.4f};{u};0.01;4\n" for u in COVERS.values())
     text = LONE.format("bed stress (Pa)") + rows
-    assert "--condition 'bed stress (Pa)=UNIT'" in refused(tmp_path, text, diameter="0.2 mm")
+    assert "--condition 'bed stress=Pa'" in refused(tmp_path, text, diameter="0.2 mm")
     options = TableOptions(conditions={"bed stress": "Pa"})
     assert "bed_stress" in measured(tmp_path, text, diameter="0.2 mm", table_options=options)[0].conditions
 
