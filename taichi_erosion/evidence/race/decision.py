@@ -22,7 +22,6 @@ from dataclasses import dataclass, fields, replace
 from math import log
 
 import numpy as np
-from scipy import special
 
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
@@ -30,10 +29,10 @@ from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import ADEQUATE, DRAWS, FAMILYWISE, KEEP, SEED, SHARED, SURE, Priors
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SHARED, SURE, Priors
 from taichi_erosion.evidence.race.search import prior
 from taichi_erosion.evidence.record import DecisionPart, Verdict
-from taichi_erosion.tables.number_columns import variance_left_by_parabola
+from taichi_erosion.tables.number_columns import column_affects_result, variance_left_by_parabola
 
 MOST_TOLD = 3  # of a group: more is no answer
 VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds
@@ -136,21 +135,16 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
         rest = tuple(each for each in named if each != name)
         fits = [race.fits.get(Hypothesis(tuple(sorted(names)))) for names in ((*rest, name), rest)]
         change = np.subtract(*(fit.mean if fit else race.bare.mean for fit in fits))
-        varying = [c for c in race.prepared.problem.unread if np.ptp(np.nan_to_num(rows.conditions[c])) > 0.0]
-        alike = tuple(each for each in varying if imitates(rows.conditions[each], change))
+        alike = tuple(c for c in race.prepared.problem.unread if imitates(rows.conditions[c], change))
         imitators |= {name: alike} if alike else {}
     return imitators
 
 
 def imitates(column: Floats, change: Floats) -> bool:
     """Whether a parabola of a condition makes a change of the rows, and not by chance."""
-    good = np.isfinite(column)
-    free = int(good.sum()) - 3
-    if free < 1 or np.ptp(change[good]) == 0.0:
-        return False
-    left = variance_left_by_parabola(change[good], column[good], np.zeros(free + 3))
-    chance = special.fdtrc(2, free, (1.0 / max(left, 1e-12) - 1.0) * free / 2.0)
-    return left < 1.0 - SHARED and bool(chance < ADEQUATE)
+    column, same = np.nan_to_num(column), np.zeros(change.size)
+    acts = column_affects_result(column, change, same)
+    return acts and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
 
 
 def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:

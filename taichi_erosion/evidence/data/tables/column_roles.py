@@ -9,15 +9,24 @@ velocity by the law of the wall.
 """
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan, log, nan
+from math import inf, isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, range_at
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
-from taichi_erosion.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason, stated_number
+from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, plausible_units, range_at
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit, scale_between
+from taichi_erosion.tables.cell_numbers import (
+    CellFault,
+    CellNumber,
+    is_missing,
+    is_quantity,
+    plain_cell,
+    read_cell,
+    reason,
+    stated_number,
+)
 from taichi_erosion.tables.headings import (
     DIAMETER,
     KINDS,
@@ -44,6 +53,7 @@ from taichi_erosion.tables.spreadsheet import Cells, find_column_and_siblings, h
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 Check = Callable[[str], object]  # raises BadInput for an answer that cannot be used
 AGREED = "yYjJoOsS"  # first letters of yes, ja, oui, si
+MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
@@ -317,3 +327,93 @@ def physical_range_of_column(column: Column) -> PhysicalRange | None:
 def can_be_of_any_size(allowed: PhysicalRange) -> bool:
     """Whether numbers of a quantity can be of any size, so that none tells its unit."""
     return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A table that is being understood."""
+
+    cells: Cells
+    options: TableOptions
+    interview: Interview
+    faults: list[str]
+    bed: Column | None = None  # that states the roughness length of each row
+
+    def reject(self, column: Column, words: str) -> Column:
+        """The column, not used, once what is wrong with it is told."""
+        self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
+        return replace(column, role="remark", firm=True)
+
+    def number(self, cell: str) -> CellNumber:
+        """What a cell says; nothing where that is no number."""
+        try:
+            return read_cell(cell, self.cells.decimal_comma)
+        except CellFault:
+            return CellNumber()
+
+    def numbers(self, column: Column) -> list[CellNumber]:
+        """Cells of a column that hold a number."""
+        numbers = [self.number(row[column.place]) for _, row in self.cells.lines]
+        return [number for number in numbers if not isnan(number.value)]
+
+
+def check_column_unit(column: Column, reading: Reading) -> Column:
+    """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
+    heading, allowed = column.heading, physical_range_of_column(column)
+    unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
+    fixed = reading.options.measures and unit and heading.unit  # a study says itself what there is
+    if column.role not in ("observable", "condition") or not fixed:
+        return column
+    if scale_between(heading.unit, parse_unit(str(unit))) is None:
+        tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
+        counted = "a pure number" if unit == "1" else unit
+        return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
+    based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
+    if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
+        assumption = f"'{heading.text}' counts as a share of dry soil by mass"
+        reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
+    return column
+
+
+def find_or_ask_unit(column: Column, reading: Reading) -> Column:
+    """A column of numbers with the unit that its heading lacks: that behind its numbers, or an asked one."""
+    if column.role not in ("observable", "condition", "cv"):
+        return column
+    numbers, text = reading.numbers(column), column.heading.text
+    if column.role == "condition" and any(0.0 < number.reach < inf for number in numbers):
+        reading.interview.assume(f"ranges in column '{text}' count as their middle")
+    if column.heading.unit:
+        return column
+    behind = next((number.unit for number in numbers if number.unit), "")
+    if unit := behind or reading.options.own_units.get(column.name, ""):
+        return column_in_unit(column, unit)
+    return assume_or_ask_unit(column, [number.value for number in numbers], reading)
+
+
+def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading) -> Column:
+    """A column that states no unit: that of its quantity where all numbers are usual, else an asked one."""
+    text, interview = column.heading.text, reading.interview
+    if column.role == "cv":
+        share = max(values, default=0.0) <= MOST_SHARE
+        usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
+        meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
+        return column_in_unit(
+            column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
+        )
+    allowed, measured = physical_range_of_column(column), column.role == "observable"
+    if allowed is None or not values:
+        return column
+    several = can_be_of_any_size(allowed)
+    if not several and all(map(allowed.is_usual, values)):
+        unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
+        interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
+        return column if allowed.unit in PURE_UNITS else column_in_unit(column, allowed.unit)
+    units = ["UNIT"] if several else plausible_units(values, None, allowed) or [allowed.unit] * measured
+    span = f"its numbers are {min(values):g} to {max(values):g}"
+    hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
+    question = f"Unit of column '{text}' ({span}; {hint})"
+    if answer := interview.choice(question, "", ""):
+        return column_in_unit(column, answer)
+    unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
+    unit_words += f", {hint}" * several
+    return reading.reject(column, unit_words) if units else column

@@ -6,10 +6,10 @@ is none: without an answer the question is a fault, with what would settle it.
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import accumulate
-from math import inf, isnan, nan
+from math import isnan, nan
 from statistics import median
 
 import numpy as np
@@ -20,31 +20,28 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     CONDITION,
     HALF,
     NOT_USED,
-    PURE_UNITS,
     ROUGHNESS_LENGTH,
     UNUSED,
     Column,
     Interview,
+    Reading,
     TableOptions,
-    can_be_of_any_size,
-    column_in_unit,
+    check_column_unit,
     columns_with_roles,
     condition_name_of_path,
+    find_or_ask_unit,
     friction_velocity_ratio,
     parse_roughness_length,
     physical_range_of_column,
     refuse_other_answer,
     set_user_sd,
 )
-from taichi_erosion.scene.physical_ranges import plausible_units
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
-from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, is_missing, read_cell
+from taichi_erosion.tables.cell_numbers import is_missing
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     HEIGHT,
     SCATTER,
     WINDS,
-    has_word,
     heading_holds_value,
     is_summary_word,
     known_words,
@@ -68,7 +65,6 @@ STANDARD_ERROR = re.compile(
     re.IGNORECASE,
 )
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
-MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
     "se": "the standard error of their mean",
@@ -82,34 +78,6 @@ BY_SET_UP = "; it changes with the set-up alone: what it does may count as level
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A table that is being understood."""
-
-    cells: Cells
-    options: TableOptions
-    interview: Interview
-    faults: list[str]
-    bed: Column | None = None  # that states the roughness length of each row
-
-    def reject(self, column: Column, words: str) -> Column:
-        """The column, not used, once what is wrong with it is told."""
-        self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
-        return replace(column, role="remark", firm=True)
-
-    def number(self, cell: str) -> CellNumber:
-        """What a cell says; nothing where that is no number."""
-        try:
-            return read_cell(cell, self.cells.decimal_comma)
-        except CellFault:
-            return CellNumber()
-
-    def numbers(self, column: Column) -> list[CellNumber]:
-        """Cells of a column that hold a number."""
-        numbers = [self.number(row[column.place]) for _, row in self.cells.lines]
-        return [number for number in numbers if not isnan(number.value)]
 
 
 def understand_columns(
@@ -306,24 +274,6 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
     return f"{no_place}; places: {', '.join(known_words()['conditions'])}"
 
 
-def check_column_unit(column: Column, reading: Reading) -> Column:
-    """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
-    heading, allowed = column.heading, physical_range_of_column(column)
-    unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
-    fixed = reading.options.measures and unit and heading.unit  # a study says itself what there is
-    if column.role not in ("observable", "condition") or not fixed:
-        return column
-    if scale_between(heading.unit, parse_unit(str(unit))) is None:
-        tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
-        counted = "a pure number" if unit == "1" else unit
-        return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
-    based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
-    if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
-        assumption = f"'{heading.text}' counts as a share of dry soil by mass"
-        reading.interview.assume(f"{assumption} ('wet basis' or 'volumetric' in the heading: otherwise)")
-    return column
-
-
 def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; conditions that the model does not read get names of their own, or are not used.
 
@@ -339,7 +289,8 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
     filled = [*down] if reading.options.fill_down else rows
     labels = [c.place for c in columns if c.role in ("group", "source")]
-    set_ups = np.unique(["|".join(row[k] for k in labels) for row in filled], return_inverse=True)[1] + 0.0
+    named = ["|".join(row[k] for k in labels) for row in filled]
+    set_ups = np.unique(named, return_inverse=True)[1].astype(np.float64)
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
@@ -496,47 +447,3 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         if why:
             reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
         yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
-
-
-def find_or_ask_unit(column: Column, reading: Reading) -> Column:
-    """A column of numbers with the unit that its heading lacks: that behind its numbers, or an asked one."""
-    if column.role not in ("observable", "condition", "cv"):
-        return column
-    numbers, text = reading.numbers(column), column.heading.text
-    if column.role == "condition" and any(0.0 < number.reach < inf for number in numbers):
-        reading.interview.assume(f"ranges in column '{text}' count as their middle")
-    if column.heading.unit:
-        return column
-    behind = next((number.unit for number in numbers if number.unit), "")
-    if unit := behind or reading.options.own_units.get(column.name, ""):
-        return column_in_unit(column, unit)
-    return assume_or_ask_unit(column, [number.value for number in numbers], reading)
-
-
-def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading) -> Column:
-    """A column that states no unit: that of its quantity where all numbers are usual, else an asked one."""
-    text, interview = column.heading.text, reading.interview
-    if column.role == "cv":
-        share = max(values, default=0.0) <= MOST_SHARE
-        usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
-        meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
-        return column_in_unit(
-            column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
-        )
-    allowed, measured = physical_range_of_column(column), column.role == "observable"
-    if allowed is None or not values:
-        return column
-    several = can_be_of_any_size(allowed)
-    if not several and all(map(allowed.is_usual, values)):
-        unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
-        interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
-        return column if allowed.unit in PURE_UNITS else column_in_unit(column, allowed.unit)
-    units = ["UNIT"] if several else plausible_units(values, None, allowed) or [allowed.unit] * measured
-    span = f"its numbers are {min(values):g} to {max(values):g}"
-    hint = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
-    question = f"Unit of column '{text}' ({span}; {hint})"
-    if answer := interview.choice(question, "", ""):
-        return column_in_unit(column, answer)
-    unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
-    unit_words += f", {hint}" * several
-    return reading.reject(column, unit_words) if units else column
