@@ -17,6 +17,7 @@ SAME = 0.998  # share of a column's variance that a parabola of another one expl
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
 AGAIN, ALIKE = "it follows the measured quantity exactly", "it changes with"
+RESULT = "it is a result beside the measured quantity"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
@@ -82,7 +83,7 @@ def non_conditions(
     others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
         reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
-        reason = "" if heading in names and reason.startswith((AGAIN, ALIKE)) else reason
+        reason = "" if heading in names and reason.startswith((AGAIN, ALIKE, RESULT)) else reason
         if reason:
             why[heading] = reason
         else:
@@ -111,7 +112,7 @@ def why_column_is_no_condition(
         return "it counts rows or years"
     summary = is_summary_word(re.sub(r"\s*[\[(].*", "", heading))
     if summary or RESULTS.search(plain_words(heading)):
-        return "it is a result beside the measured quantity"
+        return RESULT
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds

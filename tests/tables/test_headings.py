@@ -20,6 +20,9 @@ repose_angle: Winkel der Böschung 1/° -> °; angle of repose (o) -> deg
 repose_angle: angle of repose, mean ± SD (deg.) -> deg; AoR of 5 tests ° -> °
 repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
 threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
+conditions.fetch: Distance from leading edge (m) -> m; Field length (m) -> m
+conditions.moisture: Humidity of sand (%) -> %
+threshold_u_star: friction velocity at threshold (m/s) -> m/s
 threshold_u_star: u*tR (m/s) -> m/s; critical u*t (m/s) -> m/s; 临界起沙摩阻风速 (m/s) -> m/s
 conditions.friction_velocity: ust (m/s) -> m/s
 conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moisture wt.% -> %
@@ -27,7 +30,7 @@ conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water conten
 conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
 grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; d [mm] -> mm
 grains.size.diameter: Md (mm) -> mm
-conditions.width: cell thickness (mm) -> mm
+conditions.width: cell thickness (mm) -> mm; Gap W (mm) -> mm
 conditions.roughness_length: aerodynamic roughness length z₀ (mm) -> mm
 conditions.spread: d90/d50 (-) -> 1
 conditions.relative_humidity: air humidity (%) -> %
@@ -44,11 +47,12 @@ CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
 relative moisture (%); air moisture (%); moisture increase (%); moisture (% of field capacity)
 moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; repose angle, mean ± SE (deg)
-maximum grain size (mm); predicted repose angle (deg)
+u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
-bulk density (g/cm3); days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
+Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
+days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
 """
 
 

@@ -309,3 +309,18 @@ def test_numbers_of_samples_leave_the_soils_of_the_rows(tmp_path):
     ]
     table = "\n".join(["soil;sample no;moisture (%);angle of repose (deg);SD;n", *rows, ""])
     assert study_of(tmp_path, "", table).problem.measurements.group == ("A",) * 4 + ("B",) * 4
+
+
+def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp_path):
+    clay, moisture = (3, 8, 13, 19, 26, 34, 42), (0.4, 0.8, 1.4, 2.1, 3.0, 3.9, 5.2)
+    speeds = [0.2 * np.sqrt(1.0 + 1.21 * w**0.68) for w in moisture]
+    rows = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in zip(clay, moisture, speeds, strict=True)]
+    heading = "clay (%);moisture (%);u*t (m/s);SD;n"
+    reply = answer(study_of(tmp_path, "", "\n".join([heading, *rows, ""])))
+    assert (reply.record.named, reply.record.imitators) == ((), {"liquid_bridge": ("clay_fraction",)})
+    assert "but so would clay fraction" in reply.answer().lines[0]
+    (mixed := tmp_path / "mixed").mkdir()
+    apart = [
+        row.replace(f"{c};", f"{d};", 1) for c, d, row in zip(clay, clay[3:] + clay[:3], rows, strict=True)
+    ]
+    assert answer(study_of(mixed, "", "\n".join([heading, *apart, ""]))).record.named == ("liquid_bridge",)

@@ -230,6 +230,8 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
     [
         ("SD", "± 95 % confidence", "an interval or a multiple is no scatter"),
         ("SD", "95% CI", "an interval or a multiple is no scatter"),
+        ("SD", "2 SD", "an interval or a multiple is no scatter"),
+        ("u*t", "u*t x 10^2", "its numbers count in a power of ten"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
     ],
@@ -397,3 +399,48 @@ def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(
     text = LONE.format("sieve mean (mm)") + rows
     assert "'sieve mean=grains.size.diameter'" in refused(tmp_path, text)
     assert "sieve_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+
+
+@pytest.mark.parametrize("label", ["F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值"])
+def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
+    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
+    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}{label},0.9,41.3,,\n"
+    assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
+
+
+def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
+    rows = "".join(f"{w};{30 + w} ± 0.5\n" for w in range(6))
+    text = f"Angles, mean {{}} of five\nmoisture (%);angle of repose (deg)\n{rows}"
+    assert "make ± a standard error" in refused(tmp_path, text.format("± SE"))
+    assert np.all(measured(tmp_path, text.format("± SD"))[0].sd == 0.5)
+
+
+def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
+    rows = "".join(
+        f"T{k};{x};0.3;{30 + 0.2 * (x if x != '-' else 0)}\n" for k, x in enumerate(("-", 2, 5, 9, 20, 40))
+    )
+    text = "treatment;gum (g/m2);moisture (%);angle of repose (deg)\n" + rows
+    assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions["gum"]) == 5
+
+
+def test_a_known_condition_is_computed_from_no_result(tmp_path):
+    rows = "".join(f"{20 * u * u:.3f};{u};0.01;4\n" for u in COVERS.values())
+    text = LONE.format("loss on ignition (%)") + rows
+    assert "organic_fraction" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+
+
+def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
+    assert "outside [0.001, 10]" in refused(tmp_path, "moisture (%);u*t (m/s);SD\n0;0;0.01\n1;0.3;0.01\n")
+    assert "a scatter of 999" in refused(
+        tmp_path, "moisture (%);u*t (m/s);SD\n0;0.2;999\n1;0.3;0.01\n2;0.4;0.01\n"
+    )
+    assert "if 'Sand (in)' does" in refused(
+        tmp_path, "Sand (in);u*t (m/s);SD\n0.01;0.2;0.01\n0.03;0.3;0.01\n"
+    )
+    book, content = openpyxl.Workbook(), io.BytesIO()
+    for row in (("moisture (%)", "angle of repose (deg)", "SD"), (0, 31, 0.5), (1, 90, 0.5), (2, 36, 0.5)):
+        book.active.append(row)
+    book.active.row_dimensions[3].hidden = True
+    book.save(content)
+    with pytest.raises(BadInput, match="row 3 is hidden"):
+        measured(tmp_path, content.getvalue(), "t.xlsx")
