@@ -29,11 +29,8 @@ GRAIN_CONTACT = "contact.soil-soil."  # begin of the places of contacts of grain
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
 NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
 COMPOUND = 5  # letters of a word that may be the part of a compound
-KINDS: dict[str, Role] = {  # of words for what is measured or set
-    "observables": "observable",
-    "halved": "observable",
-    "conditions": "condition",
-}
+# of words for what is measured or set
+KINDS: dict[str, Role] = {"observables": "observable", "halved": "observable", "conditions": "condition"}
 AS_WRITTEN = ("units", "evident", "symbols", "remedies", "sieves", "conversions")  # no plain words
 
 BRACKETS = re.compile(r"\[(?P<square>[^\[\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\)")
@@ -125,12 +122,9 @@ def unit_and_words(text: str) -> tuple[str, str]:
         return nested.unit, nested.name
     for match in SEPARATOR.finditer(text):
         first, rest = text[: match.start()], text[match.end() :]
-        if (
-            (match[0].strip() in (",", ";", ":") or is_surely_a_unit(first))
-            and not unit_in(rest)
-            and unit_in(first)
-        ):
-            return unit_in(first) or "", rest
+        stated = match[0].strip() in (",", ";", ":") or is_surely_a_unit(first)
+        if stated and not unit_in(rest) and (spelt := unit_in(first)):
+            return spelt, rest
     return unit_at_end(text) if re.search(r"[,;:]|[^\W_]{3}", text) else ("", text)
 
 
@@ -214,14 +208,11 @@ def words_of(kind: str) -> frozenset[str]:
 @cache
 def known_words() -> dict[str, dict[str, tuple[str, ...]]]:
     """Known words by kind and meaning, plain but for those of units."""
-    text = (files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8")
-    return {
-        kind: {
-            name: tuple(word if kind in AS_WRITTEN else plain_words(word) for word in words)
-            for name, words in meanings.items()
-        }
-        for kind, meanings in tomllib.loads(text).items()
-    }
+    table = tomllib.loads((files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8"))
+    for kind, meanings in table.items():
+        read = str if kind in AS_WRITTEN else plain_words
+        table[kind] = {name: tuple(map(read, words)) for name, words in meanings.items()}
+    return table
 
 
 def plain_words(text: str) -> str:
@@ -387,13 +378,9 @@ def suggest_meaning(heading: str, bare: bool = False) -> str:
     named_first = [name for name, texts in several if has_word(heading, texts)]
     letters = ((each.rsplit(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
     named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
-    likeness = {
-        word: name
-        for kind in ("observables", "conditions")
-        for name, texts in words[kind].items()
-        for word in (*texts, plain_words(name.rpartition(".")[2]))
-        if len(word) >= COMPOUND
-    }
+    meanings = (*words["observables"].items(), *words["conditions"].items())
+    pairs = ((word, n) for n, texts in meanings for word in (*texts, plain_words(n.rpartition(".")[2])))
+    likeness = {word: name for word, name in pairs if len(word) >= COMPOUND}
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
     near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
     near = [word for word in near if any(is_misspelling_of(part, word) for part in parts)]

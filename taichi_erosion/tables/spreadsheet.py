@@ -147,13 +147,12 @@ def guess_separator(text: str) -> str:
     if ONE_COLUMN.fullmatch("\n".join(lines)):
         return ";"
 
-    def count_even_rows(separator: str) -> tuple[int, int]:
-        widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
-        commonest = max(widths, key=widths.count, default=1)
-        return (widths.count(commonest) if commonest > 1 else 0), commonest
-
+    counts = dict[str, tuple[int, int]]()
     try:
-        counts = {separator: count_even_rows(separator) for separator in SEPARATORS}
+        for separator in SEPARATORS:
+            widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
+            commonest = max(widths, key=widths.count, default=1)
+            counts[separator] = (widths.count(commonest) if commonest > 1 else 0), commonest
     except csv.Error:
         return ","
     wide = [separator for separator in SEPARATORS if counts[separator][0]]
@@ -171,8 +170,9 @@ def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
                 rows.append((before + 1, stripped))
             before = reader.line_num
     except csv.Error as error:
-        message = f"not a table of cells: {error}; look for a lone quote"
-        raise BadInput(f"{name}: row {before + 1}: {message}") from None
+        raise BadInput(
+            f"{name}: row {before + 1}: not a table of cells: {error}; look for a lone quote"
+        ) from None
     return rows
 
 
@@ -306,11 +306,8 @@ def name_blank_repeat_columns(rows: Lines) -> Lines:
         first_heading = read_heading(heading[first])
         content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
         numeric = bool(content) and all(map(is_quantity, content))
-        if (
-            heading[k] not in ("", heading[first])
-            or not numeric
-            or "observable" not in (meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0])
-        ):
+        roles = meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0]
+        if heading[k] not in ("", heading[first]) or not numeric or "observable" not in roles:
             first = k
             continue
         for place in (first, k):
@@ -331,9 +328,7 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
             f"{name}: row {line} has {max(filled_width(cells), len(cells))} cells, the heading {width}{more};"
             " write one heading above every column, one table in a file, and text with separators in quotes"
         )
-    for line, cells in rows:
-        if filled_width(cells) <= width <= len(cells):
-            yield line, tuple(cells[:width])
+    yield from ((k, tuple(cells[:width])) for k, cells in rows if filled_width(cells) <= width <= len(cells))
 
 
 def apply_number_laws(cells: Cells) -> Cells:

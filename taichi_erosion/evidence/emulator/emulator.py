@@ -148,8 +148,9 @@ class Emulator:
         errors = {}
         for scene, names in by_scene.items():
             emulators = [self.emulators[name] for name in names]
-            numbers = [each.run_numbers for each in emulators]
-            joint = joint_errors([each.process for each in emulators], numbers)
+            joint = joint_errors(
+                [each.process for each in emulators], [each.run_numbers for each in emulators]
+            )
             errors[scene] = (tuple(names), joint)
         return errors
 
@@ -216,10 +217,8 @@ def fit_emulators(
         training = Points(points.x[good], points.c[good], points.psi[good])
         process = fit_gaussian_process(training, z[good], inputs.active_inputs())
         typical = np.median(values[good], keepdims=True)
-        steepness = float((slope(observables[name], typical) / slope(scale, typical))[0])
-        emulators[name] = ObservableEmulator(
-            inputs, scale, process, process.scatter * steepness, np.flatnonzero(good)
-        )
+        run_sd = process.scatter * float((slope(observables[name], typical) / slope(scale, typical))[0])
+        emulators[name] = ObservableEmulator(inputs, scale, process, run_sd, np.flatnonzero(good))
     return emulators
 
 

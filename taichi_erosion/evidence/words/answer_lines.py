@@ -336,9 +336,5 @@ def out_of_range_text(row: PredictedPart) -> str:
     return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
 
 
-ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {
-    "compare": compare_answer,
-    "discover": discover_answer,
-    "adopt": adopt_answer,
-    "next": next_answer,
-}
+ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]]
+ANSWERS = {"compare": compare_answer, "discover": discover_answer, "adopt": adopt_answer, "next": next_answer}
