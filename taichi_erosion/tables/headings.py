@@ -53,9 +53,8 @@ SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
 VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
-HEIGHT = re.compile(
-    r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))(?![\w/^-])"
-)
+LENGTH = r"(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))"
+HEIGHT = re.compile(rf"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*{LENGTH}(?![\w/^-])")
 RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
 )
@@ -324,9 +323,8 @@ def scatter_role(plain: str) -> Role | None:
     numbered = [phrase for phrase in known_words()["roles"]["remark"] if word_length(phrase, plain)]
     for role in SCATTER:
         for word in known_words()["roles"][role]:
-            if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
-                continue
-            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
+            counts = word in plain and not any(word in each for each in numbered)  # `Wdh. Nr.` does not
+            if counts and re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
                 roles.append((len(word), role))
     return max(roles)[1] if roles else None
 
@@ -337,9 +335,8 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     for name, symbols in known_words()["symbols"].items():
         symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
         for letter, unit in (symbol.rsplit(" ", 1) for symbol in symbols):
-            if not heading.unit or symbol_words != plain_words(letter):
-                continue
-            if parse_scale(heading.unit).kind == parse_scale(unit).kind:
+            alike = heading.unit and symbol_words == plain_words(letter)
+            if alike and parse_scale(heading.unit).kind == parse_scale(unit).kind:
                 return "condition" if "." in name else "observable", name
     return "unknown", ""
 
@@ -353,8 +350,7 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
     if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
         return nan
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
-    match = HEIGHT.search(text.replace("_", " "))
-    if match is not None:
+    if match := HEIGHT.search(text.replace("_", " ")):
         unit = "ft" if match["foot"] else "in" if match["inch"] else match["unit"]
         return float(match["number"].replace(",", ".")) * parse_scale(unit).factor
     index = INDEX.match(text)
@@ -370,12 +366,12 @@ def meaning_of_only_angle(heading: Heading) -> str:
 
 def suggest_meaning(heading: str, bare: bool = False) -> str:
     """What a heading seems to misspell, or may mean beside others, as a letter that is `bare` of a unit."""
-    plain = plain_words(heading)
-    words = known_words()
+    plain, words = plain_words(heading), known_words()
     if longest_word(heading, "others")[0] or names_another_thing(heading):
         return ""
-    several = (*words["asked"].items(), *words["alone"].items())
-    named_first = [name for name, texts in several if has_word(heading, texts)]
+    named_first = [
+        n for key in ("asked", "alone") for n, texts in words[key].items() if has_word(heading, texts)
+    ]
     letters = ((each.rsplit(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
     named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
     meanings = (*words["observables"].items(), *words["conditions"].items())

@@ -108,8 +108,7 @@ def why_column_is_no_condition(
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
     if whole and counts and not any(column_affects_result(values, y, np.zeros(y.size)) for y in results):
         return "it counts rows or years"
-    summary = is_summary_word(re.sub(r"\s*[\[(].*", "", heading))
-    if summary or RESULTS.search(plain_words(heading)):
+    if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return "it is a result beside the measured quantity"
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN

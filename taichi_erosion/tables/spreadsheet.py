@@ -102,9 +102,8 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     titles = [" ".join(cells) for _, cells in rows[:start]]
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
-    rows = name_blank_repeat_columns(with_one_heading(rows[start:]))
-    cells = Cells(name, tuple(trim_rows(rows, name, faults)), comma, form, titles=" ".join(titles))
-    return apply_number_laws(cells)
+    rows = trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults)
+    return apply_number_laws(Cells(name, tuple(rows), comma, form, titles=" ".join(titles)))
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:
@@ -298,8 +297,7 @@ def name_blank_repeat_columns(rows: Lines) -> Lines:
     if not rows:
         return rows
     (line, heading), *others = rows
-    first = 0
-    width = max(filled_width(cells) for _, cells in rows)
+    first, width = 0, max(filled_width(cells) for _, cells in rows)
     heading = [*heading, *[""] * (width - len(heading))]
     names = list(heading)
     for k in range(1, width):
@@ -345,8 +343,9 @@ def apply_number_laws(cells: Cells) -> Cells:
         plain = content
         # of groups that do not differ, `27.9a`: an 'a' is among them, which is no unit, or two capital ones
         if "a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1:
-            pairs = zip(matches, content, strict=True)
-            plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
+            plain = [
+                f"{m['value']}{m['sd'] or ''}" if m else c for m, c in zip(matches, content, strict=True)
+            ]
         column[1:] = [cell_in_column_unit(cell, heading, cells.decimal_comma) for cell in plain]
         conversions = known_words()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()
