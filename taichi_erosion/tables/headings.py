@@ -369,9 +369,8 @@ def suggest_meaning(heading: str, bare: bool = False) -> str:
     plain, words = plain_words(heading), known_words()
     if longest_word(heading, "others")[0] or names_another_thing(heading):
         return ""
-    named_first = [
-        n for key in ("asked", "alone") for n, texts in words[key].items() if has_word(heading, texts)
-    ]
+    several = (*words["asked"].items(), *words["alone"].items())
+    named_first = [name for name, texts in several if has_word(heading, texts)]
     letters = ((each.rsplit(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
     named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
     meanings = (*words["observables"].items(), *words["conditions"].items())

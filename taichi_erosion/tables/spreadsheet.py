@@ -169,9 +169,8 @@ def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
                 rows.append((before + 1, stripped))
             before = reader.line_num
     except csv.Error as error:
-        raise BadInput(
-            f"{name}: row {before + 1}: not a table of cells: {error}; look for a lone quote"
-        ) from None
+        message = f"not a table of cells: {error}; look for a lone quote"
+        raise BadInput(f"{name}: row {before + 1}: {message}") from None
     return rows
 
 
@@ -343,9 +342,8 @@ def apply_number_laws(cells: Cells) -> Cells:
         plain = content
         # of groups that do not differ, `27.9a`: an 'a' is among them, which is no unit, or two capital ones
         if "a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1:
-            plain = [
-                f"{m['value']}{m['sd'] or ''}" if m else c for m, c in zip(matches, content, strict=True)
-            ]
+            pairs = zip(matches, content, strict=True)
+            plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
         column[1:] = [cell_in_column_unit(cell, heading, cells.decimal_comma) for cell in plain]
         conversions = known_words()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()

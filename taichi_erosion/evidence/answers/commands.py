@@ -93,10 +93,8 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         question = discovery_question(study, bare if blocks_verdict(study.faults) else infer_all)
         inference, ready = answer_with_unit_faults(study, plans, question, progress)
         record = discover_record(inference)
-        adopted, blocked = (
-            files.read_reply(study.results, study.path.stem, "adopt"),
-            blocks_verdict(ready.faults),
-        )
+        adopted = files.read_reply(study.results, study.path.stem, "adopt")
+        blocked = blocks_verdict(ready.faults)
         if adopted is not None and adopted.about["digest"] == study.digest[:12] and not blocked:
             record = files.with_adoption(record, adopted.record)
         return store_reply(ready, "discover", inference, record, start, budget=ready.options.budget)

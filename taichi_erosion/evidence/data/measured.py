@@ -269,9 +269,8 @@ def condition_column_scale(table: Table, column: str, place: str | None) -> Scal
     try:
         target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(unit).kind)
     except UnknownUnit:
-        raise BadInput(
-            f"{table.file}: column '{column}' sets what is counted in {place}, not a number"
-        ) from None
+        message = f"sets what is counted in {place}, not a number"
+        raise BadInput(f"{table.file}: column '{column}' {message}") from None
     scale = scale_between(unit, target)
     if scale is None:
         message = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
@@ -299,9 +298,8 @@ def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str
     try:
         parse_unit(unit)
     except UnknownUnit:
-        raise BadInput(
-            f"{file}: observables.{name}.unit = '{unit}' is not known; allowed: {EXAMPLES}"
-        ) from None
+        words = f"observables.{name}.unit = '{unit}' is not known; allowed: {EXAMPLES}"
+        raise BadInput(f"{file}: {words}") from None
     return unit
 
 

@@ -148,9 +148,8 @@ class Emulator:
         errors = {}
         for scene, names in by_scene.items():
             emulators = [self.emulators[name] for name in names]
-            joint = joint_errors(
-                [each.process for each in emulators], [each.run_numbers for each in emulators]
-            )
+            numbers = [each.run_numbers for each in emulators]
+            joint = joint_errors([each.process for each in emulators], numbers)
             errors[scene] = (tuple(names), joint)
         return errors
 

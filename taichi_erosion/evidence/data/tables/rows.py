@@ -246,9 +246,8 @@ class RowReader:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
         places = [column.place for column in self.columns_with("condition")]
         if not self.tidy and (summary := word_of_summary_row(self.cells, row, places)):
-            self.faults.append(
-                f"{self.cells.file}: row {line}, '{summary}': the row sums up others; remove it"
-            )
+            message = f"row {line}, '{summary}': the row sums up others; remove it"
+            self.faults.append(f"{self.cells.file}: {message}")
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
@@ -344,9 +343,8 @@ class RowReader:
             hint = error.hint or "write the number alone"
             raise CellFault(f"has the unit '{written}', which is not known; {hint}") from None
         if unit_scale is None:
-            raise CellFault(
-                f"is a number in {written} in a column {f'in {unit}' if unit else 'without unit'}"
-            )
+            message = f"a column in {unit}" if unit else "a column without unit"
+            raise CellFault(f"is a number in {written} in {message}")
         return unit_scale
 
     def read_positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
