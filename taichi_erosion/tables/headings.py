@@ -59,7 +59,7 @@ RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
 )
 INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
-SPEED = (("meter", 1), ("second", -1))
+
 ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
 LAWS = {  # of numbers that are no multiple of what they measure: places, units of a column, unit of a result
     "phi": ((DIAMETER,), ("phi",), "mm"),
@@ -346,7 +346,7 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
 
     `name` is what the heading means; a single letter u or v is a speed where its unit is one.
     """
-    speed = bool(heading.unit) and parse_scale(heading.unit).kind == SPEED
+    speed = bool(heading.unit) and parse_scale(heading.unit).kind == parse_scale("m/s").kind
     if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
         return nan
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)

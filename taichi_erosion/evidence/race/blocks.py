@@ -75,11 +75,9 @@ def error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Pr
         name, size = observable.name, float(np.median(unit[fitted]))
         column = np.where(mask, size, 0.0)
         blocks.append(Block("level", name, column[:, None], one_scale(f"level {name}", cauchy=priors.near)))
-        if fitted.size > 3:
-            columns = smooth_columns(rows, name, is_known, size)
-            if columns.shape[1]:
-                small = one_scale(f"discrepancy {name}", normal=priors.small)
-                blocks.append(Block("discrepancy", name, columns, small, size=size))
+        if fitted.size > 3 and (columns := smooth_columns(rows, name, is_known, size)).shape[1]:
+            small = one_scale(f"discrepancy {name}", normal=priors.small)
+            blocks.append(Block("discrepancy", name, columns, small, size=size))
     return [*blocks, *shared_error_blocks(rows, is_known, unit, priors.near)]
 
 
