@@ -59,7 +59,6 @@ RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
 )
 INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
-
 ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
 LAWS = {  # of numbers that are no multiple of what they measure: places, units of a column, unit of a result
     "phi": ((DIAMETER,), ("phi",), "mm"),
@@ -191,11 +190,10 @@ def unit_in(text: str) -> str | None:
         return None
     if spelt := next((unit for unit, words in known_words()["units"].items() if plain in words), ""):
         return spelt
-    try:
-        scale = parse_scale(plain)
+    try:  # the number of a repeat, `angle 1/°`, is no unit
+        return None if parse_scale(plain).kind == (("radian", -1),) else plain
     except UnknownUnit:
         return None
-    return None if scale.kind == (("radian", -1),) else plain  # the number of a repeat: `angle 1/°`
 
 
 @cache
@@ -353,8 +351,7 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
     if match := HEIGHT.search(text.replace("_", " ")):
         unit = "ft" if match["foot"] else "in" if match["inch"] else match["unit"]
         return float(match["number"].replace(",", ".")) * parse_scale(unit).factor
-    index = INDEX.match(text)
-    return nan if index is None else float(index["number"])
+    return float(index["number"]) if (index := INDEX.match(text)) else nan
 
 
 def meaning_of_only_angle(heading: Heading) -> str:

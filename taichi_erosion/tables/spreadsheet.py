@@ -236,11 +236,9 @@ def cell_value(cell: Any) -> Any:
 
 def workbook_cell_text(value: Any, mark: str) -> str:
     """Text of a cell's value."""
-    if value is None:
-        return ""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
-    return str(value)
+    return "" if value is None else str(value)
 
 
 def filled_width(cells: Sequence[str]) -> int:
@@ -317,8 +315,7 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
     """Rows as wide as the heading, without remarks behind it; of the others the first is a fault."""
     width = filled_width(rows[0][1]) if rows else 0
     rows = [(line, cells if has_digit(cells[width:]) else cells[:width]) for line, cells in rows]
-    wrong = [(line, cells) for line, cells in rows if not filled_width(cells) <= width <= len(cells)]
-    if wrong:
+    if wrong := [(line, cells) for line, cells in rows if not filled_width(cells) <= width <= len(cells)]:
         line, cells = wrong[0]
         more = f" ({len(wrong) - 1} rows more are not as wide)" if len(wrong) > 1 else ""
         faults.append(
@@ -330,8 +327,7 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
 
 def apply_number_laws(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
-    columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
-    notes = []
+    columns, notes = list(map(list, zip(*(row for _, row in cells.rows), strict=True))), list[str]()
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
         if has_word(heading.text, known_words()["roles"]["sd"]):

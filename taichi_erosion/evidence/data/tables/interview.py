@@ -386,7 +386,6 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
     repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         titles = ", ".join(f"'{column.heading.text}'" for column in family)
-
         if any(heading_holds_value(each.heading) for each in family):
             lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
             words = PROFILE if lengths else CROSS_TABLE
