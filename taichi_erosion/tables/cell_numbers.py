@@ -76,8 +76,7 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
     """
     numbers = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
     commas, points = (sum(mark in number for number in numbers) for mark in ",.")
-    fractions = any(re.search(r",(?!\d{3}\b)", number) for number in numbers)
-    return commas > points and (separator != "," or fractions)
+    return commas > points and (separator != "," or any(re.search(r",(?!\d{3}\b)", n) for n in numbers))
 
 
 def is_quantity(cell: str) -> bool:

@@ -29,11 +29,8 @@ GRAIN_CONTACT = "contact.soil-soil."  # begin of the places of contacts of grain
 IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
 NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
 COMPOUND = 5  # letters of a word that may be the part of a compound
-KINDS: dict[str, Role] = {  # of words for what is measured or set
-    "observables": "observable",
-    "halved": "observable",
-    "conditions": "condition",
-}
+# of words for what is measured or set
+KINDS: dict[str, Role] = {"observables": "observable", "halved": "observable", "conditions": "condition"}
 AS_WRITTEN = ("units", "evident", "symbols", "remedies", "sieves", "conversions")  # no plain words
 
 BRACKETS = re.compile(r"\[(?P<square>[^\[\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\)")
@@ -56,14 +53,12 @@ SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
 VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
-HEIGHT = re.compile(
-    r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))(?![\w/^-])"
-)
+LENGTH = r"(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))"
+HEIGHT = re.compile(rf"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*{LENGTH}(?![\w/^-])")
 RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
 )
 INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
-SPEED = (("meter", 1), ("second", -1))
 ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
 LAWS = {  # of numbers that are no multiple of what they measure: places, units of a column, unit of a result
     "phi": ((DIAMETER,), ("phi",), "mm"),
@@ -125,12 +120,9 @@ def unit_and_words(text: str) -> tuple[str, str]:
         return nested.unit, nested.name
     for match in SEPARATOR.finditer(text):
         first, rest = text[: match.start()], text[match.end() :]
-        if (
-            (match[0].strip() in (",", ";", ":") or is_surely_a_unit(first))
-            and not unit_in(rest)
-            and unit_in(first)
-        ):
-            return unit_in(first) or "", rest
+        stated = match[0].strip() in (",", ";", ":") or is_surely_a_unit(first)
+        if stated and not unit_in(rest) and (spelt := unit_in(first)):
+            return spelt, rest
     return unit_at_end(text) if re.search(r"[,;:]|[^\W_]{3}", text) else ("", text)
 
 
@@ -198,11 +190,10 @@ def unit_in(text: str) -> str | None:
         return None
     if spelt := next((unit for unit, words in known_words()["units"].items() if plain in words), ""):
         return spelt
-    try:
-        scale = parse_scale(plain)
+    try:  # the number of a repeat, `angle 1/°`, is no unit
+        return None if parse_scale(plain).kind == (("radian", -1),) else plain
     except UnknownUnit:
         return None
-    return None if scale.kind == (("radian", -1),) else plain  # the number of a repeat: `angle 1/°`
 
 
 @cache
@@ -214,14 +205,11 @@ def words_of(kind: str) -> frozenset[str]:
 @cache
 def known_words() -> dict[str, dict[str, tuple[str, ...]]]:
     """Known words by kind and meaning, plain but for those of units."""
-    text = (files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8")
-    return {
-        kind: {
-            name: tuple(word if kind in AS_WRITTEN else plain_words(word) for word in words)
-            for name, words in meanings.items()
-        }
-        for kind, meanings in tomllib.loads(text).items()
-    }
+    table = tomllib.loads((files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8"))
+    for kind, meanings in table.items():
+        read = str if kind in AS_WRITTEN else plain_words
+        table[kind] = {name: tuple(map(read, words)) for name, words in meanings.items()}
+    return table
 
 
 def plain_words(text: str) -> str:
@@ -333,9 +321,8 @@ def scatter_role(plain: str) -> Role | None:
     numbered = [phrase for phrase in known_words()["roles"]["remark"] if word_length(phrase, plain)]
     for role in SCATTER:
         for word in known_words()["roles"][role]:
-            if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
-                continue
-            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
+            counts = word in plain and not any(word in each for each in numbered)  # `Wdh. Nr.` does not
+            if counts and re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
                 roles.append((len(word), role))
     return max(roles)[1] if roles else None
 
@@ -346,9 +333,8 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     for name, symbols in known_words()["symbols"].items():
         symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
         for letter, unit in (symbol.rsplit(" ", 1) for symbol in symbols):
-            if not heading.unit or symbol_words != plain_words(letter):
-                continue
-            if parse_scale(heading.unit).kind == parse_scale(unit).kind:
+            alike = heading.unit and symbol_words == plain_words(letter)
+            if alike and parse_scale(heading.unit).kind == parse_scale(unit).kind:
                 return "condition" if "." in name else "observable", name
     return "unknown", ""
 
@@ -358,16 +344,14 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
 
     `name` is what the heading means; a single letter u or v is a speed where its unit is one.
     """
-    speed = bool(heading.unit) and parse_scale(heading.unit).kind == SPEED
+    speed = bool(heading.unit) and parse_scale(heading.unit).kind == parse_scale("m/s").kind
     if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
         return nan
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
-    match = HEIGHT.search(text.replace("_", " "))
-    if match is not None:
+    if match := HEIGHT.search(text.replace("_", " ")):
         unit = "ft" if match["foot"] else "in" if match["inch"] else match["unit"]
         return float(match["number"].replace(",", ".")) * parse_scale(unit).factor
-    index = INDEX.match(text)
-    return nan if index is None else float(index["number"])
+    return float(index["number"]) if (index := INDEX.match(text)) else nan
 
 
 def meaning_of_only_angle(heading: Heading) -> str:
@@ -379,21 +363,16 @@ def meaning_of_only_angle(heading: Heading) -> str:
 
 def suggest_meaning(heading: str, bare: bool = False) -> str:
     """What a heading seems to misspell, or may mean beside others, as a letter that is `bare` of a unit."""
-    plain = plain_words(heading)
-    words = known_words()
+    plain, words = plain_words(heading), known_words()
     if longest_word(heading, "others")[0] or names_another_thing(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
     named_first = [name for name, texts in several if has_word(heading, texts)]
     letters = ((each.rsplit(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
     named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
-    likeness = {
-        word: name
-        for kind in ("observables", "conditions")
-        for name, texts in words[kind].items()
-        for word in (*texts, plain_words(name.rpartition(".")[2]))
-        if len(word) >= COMPOUND
-    }
+    meanings = (*words["observables"].items(), *words["conditions"].items())
+    pairs = ((word, n) for n, texts in meanings for word in (*texts, plain_words(n.rpartition(".")[2])))
+    likeness = {word: name for word, name in pairs if len(word) >= COMPOUND}
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
     near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
     near = [word for word in near if any(is_misspelling_of(part, word) for part in parts)]

@@ -24,9 +24,8 @@ ABOVE = re.compile(
 )
 SURFACE_LAYER = 100.0  # m above the ground, below which the law of the wall holds
 NUMBERED = re.compile(
-    r"(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?"
-    r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$",
-    re.IGNORECASE,
+    r"(?i)(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?"
+    r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$"
 )
 NumbersByHeading = Mapping[str, Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
@@ -110,8 +109,7 @@ def why_column_is_no_condition(
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
     if whole and counts and not any(column_affects_result(values, y, np.zeros(y.size)) for y in results):
         return "it counts rows or years"
-    summary = is_summary_word(re.sub(r"\s*[\[(].*", "", heading))
-    if summary or RESULTS.search(plain_words(heading)):
+    if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return RESULT
     if any(is_computed_from_result(values, each) for each in results):
         return AGAIN
@@ -121,11 +119,8 @@ def why_column_is_no_condition(
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
-    if (
-        many
-        and np.ptp(rest) > 0.0
-        and not any(acts_here_or_alone(values, y, others, set_ups) for y in results)
-    ):
+    varies = many and np.ptp(rest) > 0.0
+    if varies and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 

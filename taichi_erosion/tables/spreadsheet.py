@@ -102,9 +102,8 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     titles = [" ".join(cells) for _, cells in rows[:start]]
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
-    rows = name_blank_repeat_columns(with_one_heading(rows[start:]))
-    cells = Cells(name, tuple(trim_rows(rows, name, faults)), comma, form, titles=" ".join(titles))
-    return apply_number_laws(cells)
+    rows = trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults)
+    return apply_number_laws(Cells(name, tuple(rows), comma, form, titles=" ".join(titles)))
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:
@@ -147,13 +146,12 @@ def guess_separator(text: str) -> str:
     if ONE_COLUMN.fullmatch("\n".join(lines)):
         return ";"
 
-    def count_even_rows(separator: str) -> tuple[int, int]:
-        widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
-        commonest = max(widths, key=widths.count, default=1)
-        return (widths.count(commonest) if commonest > 1 else 0), commonest
-
+    counts = dict[str, tuple[int, int]]()
     try:
-        counts = {separator: count_even_rows(separator) for separator in SEPARATORS}
+        for separator in SEPARATORS:
+            widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
+            commonest = max(widths, key=widths.count, default=1)
+            counts[separator] = (widths.count(commonest) if commonest > 1 else 0), commonest
     except csv.Error:
         return ","
     wide = [separator for separator in SEPARATORS if counts[separator][0]]
@@ -238,11 +236,9 @@ def cell_value(cell: Any) -> Any:
 
 def workbook_cell_text(value: Any, mark: str) -> str:
     """Text of a cell's value."""
-    if value is None:
-        return ""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
-    return str(value)
+    return "" if value is None else str(value)
 
 
 def filled_width(cells: Sequence[str]) -> int:
@@ -298,19 +294,15 @@ def name_blank_repeat_columns(rows: Lines) -> Lines:
     if not rows:
         return rows
     (line, heading), *others = rows
-    first = 0
-    width = max(filled_width(cells) for _, cells in rows)
+    first, width = 0, max(filled_width(cells) for _, cells in rows)
     heading = [*heading, *[""] * (width - len(heading))]
     names = list(heading)
     for k in range(1, width):
         first_heading = read_heading(heading[first])
         content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
         numeric = bool(content) and all(map(is_quantity, content))
-        if (
-            heading[k] not in ("", heading[first])
-            or not numeric
-            or "observable" not in (meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0])
-        ):
+        roles = meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0]
+        if heading[k] not in ("", heading[first]) or not numeric or "observable" not in roles:
             first = k
             continue
         for place in (first, k):
@@ -323,23 +315,19 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
     """Rows as wide as the heading, without remarks behind it; of the others the first is a fault."""
     width = filled_width(rows[0][1]) if rows else 0
     rows = [(line, cells if has_digit(cells[width:]) else cells[:width]) for line, cells in rows]
-    wrong = [(line, cells) for line, cells in rows if not filled_width(cells) <= width <= len(cells)]
-    if wrong:
+    if wrong := [(line, cells) for line, cells in rows if not filled_width(cells) <= width <= len(cells)]:
         line, cells = wrong[0]
         more = f" ({len(wrong) - 1} rows more are not as wide)" if len(wrong) > 1 else ""
         faults.append(
             f"{name}: row {line} has {max(filled_width(cells), len(cells))} cells, the heading {width}{more};"
             " write one heading above every column, one table in a file, and text with separators in quotes"
         )
-    for line, cells in rows:
-        if filled_width(cells) <= width <= len(cells):
-            yield line, tuple(cells[:width])
+    yield from ((k, tuple(cells[:width])) for k, cells in rows if filled_width(cells) <= width <= len(cells))
 
 
 def apply_number_laws(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
-    columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
-    notes = []
+    columns, notes = list(map(list, zip(*(row for _, row in cells.rows), strict=True))), list[str]()
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
         if has_word(heading.text, known_words()["roles"]["sd"]):

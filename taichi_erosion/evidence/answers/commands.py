@@ -94,11 +94,8 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         inference, ready = answer_with_unit_faults(study, plans, question, progress)
         record = discover_record(inference)
         adopted = files.read_reply(study.results, study.path.stem, "adopt")
-        if (
-            adopted is not None
-            and adopted.about["digest"] == study.digest[:12]
-            and not blocks_verdict(ready.faults)
-        ):
+        blocked = blocks_verdict(ready.faults)
+        if adopted is not None and adopted.about["digest"] == study.digest[:12] and not blocked:
             record = files.with_adoption(record, adopted.record)
         return store_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
 
@@ -117,9 +114,8 @@ def adopt_study(
         refuse_foreign_files(study, effects, options.force)
 
         def both_points(inference: StudyInference) -> list[Any]:
-            return inference.points_at(
-                inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best_fit
-            )
+            posterior = inference.posterior
+            return inference.points_at(posterior.race.bare, condition_on_effects(posterior, effects).best_fit)
 
         question = Question(f"adopt {' '.join(effects)}", infer_all, both_points, names, most_points=2)
         adopted_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
@@ -135,9 +131,8 @@ def adopt_study(
         paths = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
         details = {"written": str(paths[0]), "files": [str(file) for file in paths]}
         details |= {"ladder": files.append_adoption_errors(study, record)}
-        adopted_inference = replace(
-            adopted_inference, posterior=condition_on_effects(adopted_inference.posterior, effects)
-        )
+        conditioned = condition_on_effects(adopted_inference.posterior, effects)
+        adopted_inference = replace(adopted_inference, posterior=conditioned)
         return store_reply(ready, "adopt", adopted_inference, record, start, **details)
 
 

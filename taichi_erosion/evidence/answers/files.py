@@ -65,15 +65,12 @@ class Reply:
             alone = words[0] == "effects" or adopted_path in words
             return call(*words, *(() if alone else options))
 
-        return Vocabulary(
-            about["study"],
-            command_with_options,
-            TableUnits.of(about),
-            {n: row["title"] for n, row in rows.items()} | effect_titles(map(Path, about["effect_files"])),
-            {name: dose_meaning(name) for name in rows},
-            str(answer_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
-            adopted_path,
-        )
+        titles = {name: row["title"] for name, row in rows.items()}
+        titles |= effect_titles(map(Path, about["effect_files"]))
+        words = titles, {name: dose_meaning(name) for name in rows}
+        results = str(answer_file(Path(about["results"]), Path(about["study"]).stem, "discover"))
+        units = TableUnits.of(about)
+        return Vocabulary(about["study"], command_with_options, units, *words, results, adopted_path)
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
         """Sentences and table."""

@@ -188,9 +188,8 @@ def run_fresh_test(
             break
         pairs = zip(campaign.runs[:2], more.runs, strict=True)
         runs = (*(one.merge_fresh_runs(other, nearest) for one, other in pairs), *campaign.runs[2:])
-        campaign = FreshCampaign(
-            runs, campaign.keys | more.keys, len(runs[0].values), campaign.failures + more.failures
-        )
+        failures = campaign.failures + more.failures
+        campaign = FreshCampaign(runs, campaign.keys | more.keys, len(runs[0].values), failures)
         outcome_part = fresh_test_record(kinds, campaign)
     return outcome_part, campaign.keys
 

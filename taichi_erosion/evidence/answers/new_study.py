@@ -142,16 +142,9 @@ def write_new_study(table: Path, wishes: NewStudyOptions, ask: Ask, at_terminal:
     content = replace(content, shared={k: shared_error_entry(k, codes[k], content) for k in codes})
     for name, text in wishes.measured.items():
         content = replace(content, parameters=set_measured_numbers(content.parameters, name, text))
-    files = StudyFiles(
-        folder,
-        table.stem,
-        request.table,
-        content,
-        made_from=request.path_from_study(table),
-        digest=laboratory_table_digest(table),
-        assumptions=interview.assumptions,
-        effect_files=[request.path_from_study(file) for file in wishes.effects],
-    )
+    effect_files = [request.path_from_study(file) for file in wishes.effects]
+    origin = request.path_from_study(table), laboratory_table_digest(table), interview.assumptions
+    files = StudyFiles(folder, table.stem, request.table, content, *origin, effect_files)
     return {
         "table": str(table),
         "form": measured.form,
@@ -264,12 +257,8 @@ def closed_form_study_content(request: StudyRequest) -> Content:
     airs = [name for name, condition in conditions.items() if CONDITION + condition in AIR]
     if airs and {*request.names} != {"repose_angle"}:
         request.interview.assume(f"the density of the air follows from {' and '.join(airs)} (ideal gas)")
-    return Content(
-        dict.fromkeys(request.names, ""),
-        conditions,
-        parameters=list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name])),
-        model=CLOSED_FORM,
-    )
+    numbers = list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name]))
+    return Content(dict.fromkeys(request.names, ""), conditions, numbers, model=CLOSED_FORM)
 
 
 def add_constant_conditions(request: StudyRequest) -> StudyRequest:
@@ -336,9 +325,8 @@ def observables_by_apparatus(request: StudyRequest) -> dict[str, list[str]]:
 
 def choose_apparatus(observable: str, request: StudyRequest) -> str:
     """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
-    possible = sorted(
-        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*request.names})
-    )
+    names = {*request.names}
+    possible = sorted(templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & names))
     if not possible:
         words = "rename it, or name a scene of your own: --scene FILE"
         raise BadInput(f"{request.table.file}: no scene measures '{observable}'; {words}")
@@ -435,20 +423,11 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
             continue
         conditions[text] = CONDITION + own_name(read_heading(text).name, (), 0)
         own_conditions.setdefault(conditions[text], unit)
-    return replace(
-        said_of,
-        observables=observables | dict(said_of.observables),
-        conditions=conditions,
-        optional=frozenset(optional),
-        roughness=wishes.roughness,
-        measures=tuple(measures),
-        own_units=own_conditions,
-        sd=wishes.sd,
-        fill_down=wishes.fill_down,
-        ignored=frozenset(CONDITION + name for name in ignored),
-        complete=True,
-        reads=frozenset(READS) if wishes.closed_form else None,
-    )
+    options = replace(said_of, roughness=wishes.roughness, sd=wishes.sd, fill_down=wishes.fill_down)
+    options = replace(options, reads=frozenset(READS) if wishes.closed_form else None, complete=True)
+    options = replace(options, optional=frozenset(optional), measures=tuple(measures), conditions=conditions)
+    options = replace(options, ignored=frozenset(CONDITION + name for name in ignored))
+    return replace(options, observables=observables | dict(said_of.observables), own_units=own_conditions)
 
 
 def extra_condition_units(request: StudyRequest) -> dict[str, str]:
@@ -467,16 +446,14 @@ def template_of_own_scene(file: Path, request: StudyRequest) -> Template:
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())
     pair = "-".join(2 * [max(scene.grains.parts.items(), key=lambda part: part[1].share)[0]])
-    pair_contact, size = scene.contact[pair], scene.grains.size
+    contact, size = scene.contact[pair], scene.grains.size
     winds = [k for k, stage in enumerate(scene.stages) if stage.friction_velocity is not None]
     return Template(
         scene=file.stem,
         words="your own scene",
         observables=tuple(scene.measure),
         changes=lambda diameter, grains: {},
-        parameters=friction_numbers(
-            pair, pair_contact.friction_sliding, pair_contact.friction_rolling or None
-        ),
+        parameters=friction_numbers(pair, contact.friction_sliding, contact.friction_rolling or None),
         grains=0,
         diameter=0.0,
         varies=isinstance(size, Monodisperse),

@@ -100,10 +100,9 @@ def predict_study(
         )
         inference, ready = answer_question(study, plans_to_try(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
-        record = replace(
-            predict_new_rows(inference.posterior, new, opened, inference.query), new_runs=inference.query_runs
-        )
-        record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
+        record = predict_new_rows(inference.posterior, new, opened, inference.query)
+        record = replace(record, new_runs=inference.query_runs, outdated=outdated)
+        model = inference.posterior.race.prepared.predictor
         name, count = f"predict {study.path.stem}", vault_openings(study.results, study.vault_digest)
         if opened and name not in read_openings(study.results / COUNTER).get(study.vault_digest, []):
             count = count_opening(study.results, study.vault_digest, name)
@@ -151,9 +150,8 @@ def predict_new_rows(
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = interval_coverage(
-            forecast(posterior, joint_rows(posterior.race, vault)).share_below(), ~vault.censored
-        )
+        below = forecast(posterior, joint_rows(posterior.race, vault)).share_below()
+        held_out = interval_coverage(below, ~vault.censored)
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
         fitted=interval_coverage(leave_one_out_shares(posterior), ~fitted.censored),

@@ -237,9 +237,8 @@ def check_answer_by_runs(
     Where they contradict it, the next answer starts with a round about what was tested.
     """
     decision = inference.decision
-    if question.query is None and not (
-        question.tested and (decision.named or decision.group or decision.acting_mechanisms)
-    ):
+    acting = decision.named or decision.group or decision.acting_mechanisms
+    if question.query is None and not (question.tested and acting):
         return inference, ready
     study, stored, rounds = runs.study, read_rounds_file(runs.study)["fresh"], earlier_points(runs.study)
     mapping, race = ready.problem.model, inference.posterior.race

@@ -54,11 +54,8 @@ SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on gra
 ROLLING = CalibratedNumber("friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains")
 FLUX = CalibratedNumber("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
 EXPONENT = CalibratedNumber("flux_exponent", 2.4, 1.7, 3.8, 0.2, "2 after Ungar & Haff, 3 after Owen")
-CLOSED_FORM_NUMBERS = {
-    "repose_angle": (SLIDING, ROLLING),
-    "threshold_u_star": (THRESHOLD,),
-    "flux": (THRESHOLD, FLUX, EXPONENT),
-}
+CLOSED_FORM_NUMBERS = {"repose_angle": [SLIDING, ROLLING], "threshold_u_star": [THRESHOLD]}
+CLOSED_FORM_NUMBERS |= {"flux": [THRESHOLD, FLUX, EXPONENT]}
 
 
 @dataclass(frozen=True)
@@ -98,9 +95,8 @@ def friction_numbers(pair: str, sliding: float, rolling: float | None) -> tuple[
     numbers = [CalibratedNumber(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
         path = f"contact.{pair}.friction_rolling"
-        numbers.append(
-            CalibratedNumber(path, rolling, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling")
-        )
+        why = "shape of the grains, as resistance to rolling"
+        numbers.append(CalibratedNumber(path, rolling, 0.005, 0.8, 0.6, why))
     return tuple(numbers)
 
 
@@ -250,15 +246,12 @@ def scene_text(
     entries, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_grain_density
     suits, wind = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}, "wind"
     patch = {k: float(f"{v:.2g}") for k, v in suits.items() if float(document.get(wind, {}).get(k, inf)) < v}
+    stiff = {p: x * max(heavier, 1.0) for p, x in entries.items() if p.endswith(".shear_modulus")}
     changes = {
         "grains.count": grains,
         **({"grains.size": {"law": "monodisperse", "diameter": middle}} if template.varies else {}),
         **entries,
-        **{
-            path: value * max(heavier, 1.0)
-            for path, value in entries.items()
-            if path.endswith(".shear_modulus")
-        },
+        **stiff,
         **{f"scene.{key}": text for key, text in head.items()},
         **{f"{wind}.{name}": value for name, value in patch.items()},
         **({} if density is None else {template.grain_density_path: density}),

@@ -122,22 +122,17 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.number_draws, posterior.race.model, posterior.race.bare
     sd, numbers = np.sqrt(np.diag(bare.setting_covariance)), {}
-    before = np.array(
-        [model.numbers_in_units(bare.linear_target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-    )
+    ends = (bare.linear_target + z * sd for z in (0.0, -ONE_SIDED, ONE_SIDED))
+    before = np.array([model.numbers_in_units(end) for end in ends])
     least, most = (model.axis_numbers(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.parameter_axes):
         now = weighted_interval(values[:, j], weight)
         low, at, high = (axis_position(axis, each) for each in (now.low, now.value, now.high))
         tenth = 0.1 * (axis.high - axis.low)
         at_end = bool(np.isfinite(tenth) and not axis.low + tenth < at < axis.high - tenth)
-        numbers[axis.name] = parts.ParameterPart(
-            **vars(now),
-            start=value_on_axis(axis, 0.0),
-            before=Interval(*map(float, before[:, j])),
-            prior_share=(high - low) / float(most[j] - least[j]),
-            at_end=at_end,
-        )
+        share, usual = (high - low) / float(most[j] - least[j]), Interval(*map(float, before[:, j]))
+        part = {"start": value_on_axis(axis, 0.0), "before": usual, "prior_share": share, "at_end": at_end}
+        numbers[axis.name] = parts.ParameterPart(**vars(now), **part)
     return numbers
 
 
@@ -271,19 +266,9 @@ def mechanism_part_with_law(law: Law, probability: float) -> parts.MechanismPart
     doses = (parts.DosePart(at, *astuple(size)) for at, size in zip(settings, sizes, strict=True))
     powers = [(condition, numbers[name]) for condition, name in form.exponents.items()]
     exponents, low, high = ({at: getattr(x, end) for at, x in powers} for end in ("value", "low", "high"))
-    part = parts.LawPart(
-        mechanism,
-        form.conditions,
-        form.name,
-        form.text.format(**values),
-        form.python.format(**{name: f"params.{name}" for name in values}),
-        numbers,
-        exponents,
-        low,
-        high,
-        share,
-        *law_with_names(form, numbers),
-    )
+    python = form.python.format(**{name: f"params.{name}" for name in values})
+    head = mechanism, form.conditions, form.name, form.text.format(**values), python
+    part = parts.LawPart(*head, numbers, exponents, low, high, share, *law_with_names(form, numbers))
     return parts.MechanismPart(probability, tuple(doses), part)
 
 

@@ -142,18 +142,13 @@ def carry_over_vault(study: Study, before: Table, after: Table) -> tuple[list[Dr
     if len(before.rows) == len(after.rows):
         unmatched = {place for numbers in free.values() for place in numbers}
         places = [k if place is None and k in unmatched else place for k, place in enumerate(places)]
-    was, now = (  # but for what the vault makes of a row and its place in the file
-        [
-            {name: text for name, text in row.items() if text and name not in ("vault", "source")}
-            for row in rows
-        ]
-        for rows in (tidy_table_cells(before), tidy_table_cells(after))
+    left_out = ("vault", "source")  # what the vault makes of a row, and its place in the file
+    tables = map(tidy_table_cells, (before, after))
+    was, now = (
+        [{n: x for n, x in row.items() if x and n not in left_out} for row in rows] for rows in tables
     )
-    lines = [
-        row.line
-        for row, cells, place in zip(after.rows, now, places, strict=True)
-        if place is None or was[place] != cells
-    ]
+    trios = zip(after.rows, now, places, strict=True)
+    lines = [row.line for row, cells, place in trios if place is None or was[place] != cells]
     removed = len(before.rows) - sum(place is not None for place in places)
     changes = {"lines": list(dict.fromkeys(lines)), "removed": removed}
     draw = vault_draw_of_rows(study, before)
@@ -231,11 +226,8 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
         lines += [f"unit = {toml_string(limits.unit)}"] if content.model and limits else []
         lines += scale_lines(files.rows, name, limits.unit if content.model and limits else "")
         lines += [content.shared[name]] if name in content.shared else []
-    lines += [
-        "",
-        "[conditions]",
-        *(f"{toml_key(name)} = {toml_string(paths)}" for name, paths in content.conditions.items()),
-    ]
+    lines += ["", "[conditions]"]
+    lines += [f"{toml_key(name)} = {toml_string(paths)}" for name, paths in content.conditions.items()]
     for number in content.parameters:
         lines += ["", f"[parameters.{toml_string(number.path)}]    # {number.why}"]
         lines += [f"start = {number.start:g}", f"low = {number.low:g}", f"high = {number.high:g}"]
@@ -298,11 +290,8 @@ def plausible_candidates(study: Study) -> list[str]:
     for path in (path for paths in study.file.conditions.values() for path in dotted_paths(paths)):
         measured_names |= {path.removeprefix("conditions."), *path.rpartition(".")[2].split("_")}
     own_effects = {effect_in(file).name for file in study.effect_files}
-    able = [
-        each.name
-        for each in study.problem.candidates
-        if any(why_effect_cannot_act(scene, each) is None for scene in scenes)
-    ]
+    acting = (c for c in study.problem.candidates if any(why_effect_cannot_act(s, c) is None for s in scenes))
+    able = [each.name for each in acting]
     effects = {name: simulator.library[name] for name in able}
     tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}
     return [n for n in effects if n in own_effects or tells[n] & measured_names] or able

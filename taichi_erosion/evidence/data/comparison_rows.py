@@ -117,11 +117,8 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     names, table = sorted(set(table.observable)), replace(table, line=table.table_line_numbers)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     observable = np.array(table.observable)
-    parts = [
-        merge_repeats(observables, index, table.pick_rows_at(np.flatnonzero(observable == name)))
-        for index, name in enumerate(names)
-    ]
-    rows = join_rows(parts)
+    tables = (table.pick_rows_at(np.flatnonzero(observable == name)) for name in names)
+    rows = join_rows([merge_repeats(observables, index, each) for index, each in enumerate(tables)])
     scatters = [noise.scatter for noise in rows.noise.values()]
     # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
     freedom = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
@@ -150,9 +147,8 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     alone = np.where(scatter.off, np.arange(scatter.off.size), -1)
     labels = zip(cell, table.group, table.source, reach, alone, strict=True)  # equal for repeats
-    first, mean, total = weighted_means_by_key(
-        z, weight, keys := np.array(["|".join(map(str, each)) for each in labels])
-    )
+    keys = np.array(["|".join(map(str, each)) for each in labels])
+    first, mean, total = weighted_means_by_key(z, weight, keys)
     steep, first_rows, heaps = steepness[first], table.pick_rows_at(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
@@ -160,7 +156,11 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
-    count = np.array([np.sum(keys == key) for key in keys[first]])
+    members = [keys == key for key in keys[first]]
+    count = np.array([np.sum(each) for each in members])
+    on_heaps = [
+        {str(h): float(repeats[m & (heaps == h)].sum()) for h in dict.fromkeys(heaps[m])} for m in members
+    ]
     return ComparisonRows(
         observables,
         which=np.full(first.size, index),
@@ -174,16 +174,10 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         group=first_rows.group,
         source=first_rows.source,
         slope=steep,
-        heaps=tuple(
-            {
-                str(heap): float(repeats[(keys == key) & (heaps == heap)].sum())
-                for heap in dict.fromkeys(heaps[keys == key])
-            }
-            for key in keys[first]
-        ),
+        heaps=tuple(on_heaps),
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
-        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
+        lines=tuple(tuple(np.array(table.line)[each].tolist()) for each in members),
         unmerged=tuple(gross_repeat_disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
@@ -300,11 +294,8 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
     """Budget of one observable."""
     finite = variance[np.isfinite(variance)]
     tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
-    return ObservableNoise(
-        lab=float(np.sqrt(max(np.median(finite) - tolerance**2, 0.0))) if finite.size else np.nan,
-        numerical=tolerance,
-        scatter=scatter,
-    )
+    lab = float(np.sqrt(max(np.median(finite) - tolerance**2, 0.0))) if finite.size else np.nan
+    return ObservableNoise(lab, tolerance, scatter)
 
 
 def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
@@ -319,9 +310,6 @@ def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
         return {key: np.concatenate([column[key] for column in values]) for key in first}
 
     shared = np.asarray(linalg.block_diag(*(part.shared for part in parts)))
-    return replace(
-        parts[0],
-        **{name: concatenate_field(name) for name in (*ROW_WISE, "warnings", "unmerged")}
-        | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
-        noise={name: noise for part in parts for name, noise in part.noise.items()},
-    )
+    columns = {name: concatenate_field(name) for name in (*ROW_WISE, "warnings", "unmerged")}
+    noise = {name: noise for part in parts for name, noise in part.noise.items()}
+    return replace(parts[0], **columns, shared=shared[:, np.any(shared != 0.0, axis=0)], noise=noise)

@@ -185,19 +185,11 @@ def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[t
 
 def table_digest(measurements: Measurements) -> str:
     """Digest of a table, whatever the order of its rows and columns."""
-    names = sorted(measurements.conditions)
-    lines = sorted(
-        "|".join(
-            (
-                measurements.observable[i],
-                measurements.group[i],
-                *(f"{name}={measurements.conditions[name][i]:.{DIGITS}g}" for name in names),
-                f"{measurements.value[i]:.{DIGITS}g}",
-            )
-        )
-        for i in range(measurements.size)
-    )
-    return sha256("\n".join(lines).encode()).hexdigest()
+    columns, lines = sorted(measurements.conditions.items()), []
+    for i, value in enumerate(measurements.value):
+        numbers = *(f"{name}={column[i]:.{DIGITS}g}" for name, column in columns), f"{value:.{DIGITS}g}"
+        lines.append("|".join((measurements.observable[i], measurements.group[i], *numbers)))
+    return sha256("\n".join(sorted(lines)).encode()).hexdigest()
 
 
 def split_sentence(count: int, by_group: bool, named: str, rows: int, among: int) -> str:

@@ -226,10 +226,8 @@ def study_measurements(
     scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
     factors = np.array([value_unit_factor(row, units[row.observable], table.file) for row in rows])
-    limits = [
-        censoring_limit(row, float(factor), file.observables[row.observable], table.file)
-        for row, factor in zip(rows, factors, strict=True)
-    ]
+    pairs = zip(rows, factors.tolist(), strict=True)
+    limits = [censoring_limit(r, factor, file.observables[r.observable], table.file) for r, factor in pairs]
     settings = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
     used = [{name: scale.to_use(at[name]) for name, scale in scales.items()} for at in settings]
     measurements = Measurements(
@@ -384,9 +382,8 @@ def value_faults(
     wrong = [each for each in cells if not allowed.is_possible(each[3])]
     odd = [each for each in cells if not allowed.is_usual(each[3])]
     meanings = plausible_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
-    near_own = usual_value > 0.0 and all(
-        usual_value / NEAR_SCENE <= used <= usual_value * NEAR_SCENE for *_, used in odd
-    )
+    low, high = usual_value / NEAR_SCENE, usual_value * NEAR_SCENE
+    near_own = usual_value > 0.0 and all(low <= used <= high for *_, used in odd)
     if not wrong and usual and meanings and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
     hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else ""

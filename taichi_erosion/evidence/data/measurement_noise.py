@@ -156,9 +156,8 @@ def measurement_scatter(
     sampled = np.isfinite(variance) & (repeats >= 2.0)
     own_variance = 0.0
     if sampled.any():
-        variance[sampled], own_variance = moderate_variance(
-            variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
-        )
+        samples = variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
+        variance[sampled], own_variance = moderate_variance(*samples)
     finite = np.isfinite(variance)
     if finite.any():
         off = rows_against_repeats(z, [weight := repeats / variance], cell, True)

@@ -223,17 +223,8 @@ class Problem:
         return self.measurements.pick_rows_at(self.vault.rows)
 
 
-FaultKind = Literal[
-    "too_small",
-    "not_converged",
-    "no_value",
-    "failed_runs",
-    "too_few_rows",
-    "repeats",
-    "source_changed",
-    "unit",
-    "scatter",
-]
+RunFault = Literal["too_small", "not_converged", "no_value", "failed_runs"]
+FaultKind = Literal[RunFault, "too_few_rows", "repeats", "source_changed", "unit", "scatter"]
 
 
 @dataclass(frozen=True)

@@ -216,10 +216,8 @@ def fit_emulators(
         training = Points(points.x[good], points.c[good], points.psi[good])
         process = fit_gaussian_process(training, z[good], inputs.active_inputs())
         typical = np.median(values[good], keepdims=True)
-        steepness = float((slope(observables[name], typical) / slope(scale, typical))[0])
-        emulators[name] = ObservableEmulator(
-            inputs, scale, process, process.scatter * steepness, np.flatnonzero(good)
-        )
+        run_sd = process.scatter * float((slope(observables[name], typical) / slope(scale, typical))[0])
+        emulators[name] = ObservableEmulator(inputs, scale, process, run_sd, np.flatnonzero(good))
     return emulators
 
 

@@ -171,12 +171,10 @@ class FreshSimulator:
         """Runs of one point; their seeds follow from it. None where the scene refuses it."""
         scene, words = point
         key = f"{self.training.study.fresh}fresh|{scene.name}|{'|'.join(words)}"
-        simulator = self.training.simulator
+        simulator, device = self.training.simulator, self.training.simulator.device
         try:
             built = simulator.load_scene_at(scene, words)
-            return [
-                request_of_scene(built, design_seed(key, n), device=simulator.device) for n in range(seeds)
-            ]
+            return [request_of_scene(built, design_seed(key, n), device=device) for n in range(seeds)]
         except BadInput:
             return []
 

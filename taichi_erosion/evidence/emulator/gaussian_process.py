@@ -38,7 +38,7 @@ Reference: Goulard & Voltz (1992), Math. Geol. 24, 269 (linear model of coregion
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -183,18 +183,11 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     standard = (values - centre) / width
     parts = kernel_matrices(training, training, reads)
     count = len(reads.conditions) - 1
-    middle, spread = np.array(
-        [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
-    ).T
-    optimum = scipy.optimize.minimize(
-        negative_log_evidence,
-        middle,
-        args=(parts, standard, middle, spread),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(m - 4.0 * s, m + 4.0 * s) for m, s in zip(middle, spread, strict=True)],
-        options={"maxiter": STEPS_MOST},
-    )
+    names = ("bend", *["effect"] * count, "together", "scatter")
+    middle, spread = np.array([PRIOR_LOG[name] for name in names]).T
+    bounds = [(m - 4.0 * s, m + 4.0 * s) for m, s in zip(middle, spread, strict=True)]
+    search = partial(scipy.optimize.minimize, jac=True, method="L-BFGS-B", options={"maxiter": STEPS_MOST})
+    optimum = search(negative_log_evidence, middle, args=(parts, standard, middle, spread), bounds=bounds)
     amplitude = np.exp(optimum.x)
     factor = np.asarray(np.linalg.cholesky(training_covariance(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
@@ -221,9 +214,8 @@ def negative_log_evidence(
     off = (log_amplitude - middle) / spread
     value = 0.5 * standard @ weights + np.sum(np.log(np.diag(factor))) + 0.5 * off @ off
     pull = inverse - np.outer(weights, weights)
-    slopes = np.array(
-        [*np.einsum("ij,kij->k", pull, parts[1:]) * amplitude[:-1] ** 2, np.trace(pull) * amplitude[-1] ** 2]
-    )
+    smooth = np.einsum("ij,kij->k", pull, parts[1:]) * amplitude[:-1] ** 2
+    slopes = np.append(smooth, np.trace(pull) * amplitude[-1] ** 2)
     return float(value), slopes + off / spread
 
 

@@ -100,13 +100,8 @@ def shrink_plan(most: int, training: TrainingRuns, effects: Iterable[str]) -> tu
     if planned <= most:
         return size, planned
     share = (1.0 - RESERVED) * most / planned
-    size = replace(
-        size,
-        bare=max(LEAST_BARE, int(size.bare * share)),
-        effect=max(LEAST_EFFECT, int(size.effect * share)),
-        condition=int(size.condition * share),
-        rounds=0,
-    )
+    bare, effect = max(LEAST_BARE, int(size.bare * share)), max(LEAST_EFFECT, int(size.effect * share))
+    size = replace(size, bare=bare, effect=effect, condition=int(size.condition * share), rounds=0)
     return size, len(design_training_runs(replace(training, plan_size=size), effects))
 
 
@@ -214,14 +209,10 @@ def replace_scenes_by_emulator(training: TrainingRuns, progress: Progress) -> St
     for scene in training.scenes:
         accepted = scene.measure.accepted_paths
         factors = design.mechanisms_scaling_numbers(scene)
-        inputs = EmulatorInputs(
-            scene,
-            axes=tuple(axis for axis in scene.axes if axis.name in accepted),
-            scales=axis_scales((*scene.rows, *scene.proposed_rows), accepted),
-            candidates=tuple(effects_by_name(problem).values()),
-            mechanisms=tuple(each.name for each in training.mechanisms if each.name not in factors),
-            factors=factors,
-        )
+        axes = tuple(axis for axis in scene.axes if axis.name in accepted)
+        scales = axis_scales((*scene.rows, *scene.proposed_rows), accepted)
+        names = tuple(each.name for each in training.mechanisms if each.name not in factors)
+        inputs = EmulatorInputs(scene, axes, scales, tuple(effects_by_name(problem).values()), names, factors)
         trained = [each for each in zip(runs, results, strict=True) if each[0].scene == scene.measure.scene]
         faults += faults_of_scene_runs(study, scene, trained)
         try:
@@ -236,18 +227,10 @@ def replace_scenes_by_emulator(training: TrainingRuns, progress: Progress) -> St
     )
     count = len({request.key for request in requests})
     sentences = f"{count} runs train the emulator that answers."
-    return replace(
-        study,
-        problem=replace(
-            problem_with_emulator(problem, Emulator(emulators)),
-            candidates=candidates,
-            mechanisms=training.mechanisms,
-            replicates=replicate_scatter(emulators),
-        ),
-        notes=(*study.notes, sentences, *notes_on_invisible_effects(training), *refused),
-        simulations=count,
-        faults=(*study.faults, *faults),
-    )
+    notes = (*study.notes, sentences, *notes_on_invisible_effects(training), *refused)
+    emulated, scatter = problem_with_emulator(problem, Emulator(emulators)), replicate_scatter(emulators)
+    emulated = replace(emulated, candidates=candidates, mechanisms=training.mechanisms, replicates=scatter)
+    return replace(study, problem=emulated, notes=notes, simulations=count, faults=(*study.faults, *faults))
 
 
 def faults_of_scene_runs(

@@ -109,9 +109,8 @@ def write_adopted_scene(
     text = remove_mark(read_text_of_file(scene, str(scene)))
     text = add_effect_files_to_text(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
-        text = with_entry(
-            text, ("effects", name, "strength"), round_number(strength.value), interval_comment(strength)
-        )
+        value, note = round_number(strength.value), interval_comment(strength)
+        text = with_entry(text, ("effects", name, "strength"), value, note)
     for name, number in adoption.numbers.items():
         value = round_number(number.value)
         if refusal_of_number(scene, name, value, tuple(study.effect_files)) is None:

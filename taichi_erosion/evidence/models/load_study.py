@@ -135,17 +135,15 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
-    choice, library = file.candidates.mechanisms, mechanism_rows()
+    choice, library, observables = file.candidates.mechanisms, mechanism_rows(), dict[str, Observable]()
     if missing := [name for name in choice or () if name not in library]:
         raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(library)}")
+    for name, entry in file.observables.items():
+        errors = entry.sd_shared, entry.sd_numerical, entry.sd_shared_relative
+        observables[name] = Observable(name, entry.transform, entry.floor or 0.0, *errors, diameter)
     problem = Problem(
         measurements=measurements,
-        observables={
-            n: Observable(
-                n, e.transform, e.floor or 0.0, e.sd_shared, e.sd_numerical, e.sd_shared_relative, diameter
-            )
-            for n, e in file.observables.items()
-        },
+        observables=observables,
         parameters=(*parameters, *parts.parameters),
         candidates=tuple(parts.candidates),
         model=parts.model,
@@ -156,16 +154,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         mechanisms=tuple(each for each in parts.mechanisms if choice is None or each.name in choice),
         unread=tuple(parts.unread),
     )
-    shared = (
-        path,
-        file,
-        problem,
-        results,
-        digest,
-        parts.identity,
-        store,
-        (*notes, *filter(None, parts.unread.values()), vault_note),
-    )
+    notes = (*notes, *filter(None, parts.unread.values()), vault_note)
+    shared = path, file, problem, results, digest, parts.identity, store, notes
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
     return Study(*shared, parts.simulator, options=options, fresh=fresh, effect_files=files)
 
@@ -226,11 +216,9 @@ def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]
     for effect in section.tables:
         if listed and effect not in (*listed, *own_effects):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
-    return [
-        simulator.as_candidate(effect, section.tables.get(effect, CandidateEntry()), own_effects)
-        for effect in dict.fromkeys((*(listed or section.tables), *own_effects))
-        if effect not in file.adopted
-    ]
+    tables, names = section.tables, dict.fromkeys((*(listed or section.tables), *own_effects))
+    tried = (name for name in names if name not in file.adopted)
+    return [simulator.as_candidate(each, tables.get(each, CandidateEntry()), own_effects) for each in tried]
 
 
 def results_folder(path: Path, file: StudyFile) -> Path:

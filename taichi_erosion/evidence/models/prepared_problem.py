@@ -158,16 +158,14 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     if failed.all():
         raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
     if failed.any():
-        words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
-        warnings.append(words)
+        warnings.append(f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out")
         rows, variance = rows.select_rows(~failed), variance[~failed]
     is_known = rows.has_noise & ~rows.awaits_correction
     rows, variance = rows.select_rows(is_known), variance[is_known]
     predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    return PreparedProblem(
-        problem, rows, predictor, seeds, variance, total, tuple(warnings), condition_errors(rows), heaps
-    )
+    more = tuple(warnings), condition_errors(rows), heaps
+    return PreparedProblem(problem, rows, predictor, seeds, variance, total, *more)
 
 
 def random_seeds(generator: np.random.Generator, count: int) -> Integers:
@@ -219,7 +217,6 @@ def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting
     seeds = random_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
     parts = [predictor.at_rows(names, which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict_on_scale(x, acting, seeds) for part in parts)
-    change[uncertain] = np.nan_to_num(
-        (mean_over_finite_seeds(high) - mean_over_finite_seeds(low)) * sd[uncertain] / (ends[1] - ends[0])
-    )
+    gap = mean_over_finite_seeds(high) - mean_over_finite_seeds(low)
+    change[uncertain] = np.nan_to_num(gap * sd[uncertain] / (ends[1] - ends[0]))
     return change

@@ -149,27 +149,10 @@ def trap_efficiency(psi: float, at: Conditions) -> Shift:
     return Shift(flux=-loss)
 
 
-EFFECTS: dict[str, Law] = {
-    law.__name__: law
-    for law in (
-        dry_cohesion,
-        liquid_bridge,
-        saffman_lift,
-        gusts,
-        rolling_resistance,
-        sheltering,
-        bed_slope,
-        drag_partition,
-        electrostatics,
-        air_density,
-        mid_air_collisions,
-        short_fetch,
-        side_walls,
-        trap_efficiency,
-    )
-}
-
-
+LAWS = (dry_cohesion, liquid_bridge, saffman_lift, gusts, rolling_resistance)
+LAWS += (sheltering, bed_slope, drag_partition, electrostatics, air_density)
+LAWS += (mid_air_collisions, short_fetch, side_walls, trap_efficiency)
+EFFECTS: dict[str, Law] = {law.__name__: law for law in LAWS}
 OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
 PARAMETERS = {"threshold_coefficient": 0.1, "flux_coefficient": 1.5}
 PARAMETERS |= {"friction_sliding": 0.5, "friction_rolling": 0.1}

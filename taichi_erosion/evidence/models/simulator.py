@@ -77,11 +77,10 @@ class Simulator:
         present = {*acting, *self.effects_acting_in_scene(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         finite = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
-        entries = {
-            path: value
-            for path, value in (finite | dict(parameters)).items()
-            if path in measure.accepted_paths and parameter_can_change_run(path, present)
+        numbers = {
+            path: x for path, x in (finite | dict(parameters)).items() if path in measure.accepted_paths
         }
+        entries = {path: x for path, x in numbers.items() if parameter_can_change_run(path, present)}
         for name, psi in acting.items():
             entries[f"effects.{name}.{DOSE if name in self.mechanisms else STRENGTH}"] = psi
         return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
@@ -90,13 +89,8 @@ class Simulator:
         """The same with some mechanisms in its library; the ledger is shared."""
         files = tuple(mechanism_file(name) for name in names)
         library = dict(self.library) | {effect_in(file).name: effect_in(file) for file in files}
-        return replace(
-            self,
-            library=library,
-            effect_files=(*self.effect_files, *files),
-            mechanisms=tuple(names),
-            ledger=self.shared_ledger(),
-        )
+        ledger, every = self.shared_ledger(), (*self.effect_files, *files)
+        return replace(self, library=library, effect_files=every, mechanisms=tuple(names), ledger=ledger)
 
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
         """Whether an effect can act under some conditions; the scene may state what they leave out."""
@@ -249,11 +243,8 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     for effect in (*names, *choice.tables, *file.adopted):
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
-    return [
-        as_candidate(effect, choice.tables.get(effect, CandidateEntry()), library)
-        for effect in dict.fromkeys(names)
-        if effect not in file.adopted and effect not in acting
-    ]
+    tried = (name for name in dict.fromkeys(names) if name not in file.adopted and name not in acting)
+    return [as_candidate(each, choice.tables.get(each, CandidateEntry()), library) for each in tried]
 
 
 def unread_conditions(

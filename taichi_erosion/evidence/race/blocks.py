@@ -53,21 +53,15 @@ def unlisted_blocks(
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
     axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
-    blocks_along = {}
-    for along in ("", *(axes if len(axes) > 1 else ()), EACH_SET_UP):
-        blocks_along[along] = [
-            replace(
-                block,
-                kind="unlisted",
-                columns=np.hstack([columns, level[block.observable]]),
-                scale=one_scale(f"unlisted {block.observable}", cauchy=priors.large),
-            )
-            if block.kind == "discrepancy"
-            and (columns := smooth_columns(rows, block.observable, is_known, block.size, along)).size
-            else block
-            for block in blocks
-        ]
-    return blocks_along
+
+    def enlarge(block: Block, along: str) -> Block:
+        columns = smooth_columns(rows, block.observable, is_known, block.size, along)
+        scale = one_scale(f"unlisted {block.observable}", cauchy=priors.large)
+        whole = np.hstack([columns, level[block.observable]])
+        return replace(block, kind="unlisted", columns=whole, scale=scale) if columns.size else block
+
+    places = ("", *(axes if len(axes) > 1 else ()), EACH_SET_UP)
+    return {at: [enlarge(b, at) if b.kind == "discrepancy" else b for b in blocks] for at in places}
 
 
 def error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors) -> list[Block]:
@@ -81,19 +75,16 @@ def error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Pr
         name, size = observable.name, float(np.median(unit[fitted]))
         column = np.where(mask, size, 0.0)
         blocks.append(Block("level", name, column[:, None], one_scale(f"level {name}", cauchy=priors.near)))
-        if fitted.size > 3:
-            columns = smooth_columns(rows, name, is_known, size)
-            if columns.shape[1]:
-                small = one_scale(f"discrepancy {name}", normal=priors.small)
-                blocks.append(Block("discrepancy", name, columns, small, size=size))
+        if fitted.size > 3 and (columns := smooth_columns(rows, name, is_known, size)).shape[1]:
+            small = one_scale(f"discrepancy {name}", normal=priors.small)
+            blocks.append(Block("discrepancy", name, columns, small, size=size))
     return [*blocks, *shared_error_blocks(rows, is_known, unit, priors.near)]
 
 
 def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, near: float) -> Iterator[Block]:
     """Errors that rows of a source, of a preparation, and of a group of several set-ups have in common."""
-    size = np.array(
-        [np.median(unit[(rows.which == k) & is_known] if is_known.any() else 1.0) for k in rows.which]
-    )
+    masks = ((rows.which == k) & is_known for k in rows.which)
+    size = np.array([np.median(unit[mask] if is_known.any() else 1.0) for mask in masks])
     cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_groups(rows), strict=True)]
     source, set_up = one_scale("source", cauchy=near), one_scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]

@@ -165,9 +165,7 @@ def any_acts(posterior: Posterior, names: Iterable[str]) -> float:
     return sum(p for h, p in posterior.probability.items() if subset & h.acting)
 
 
-def smallest_group(
-    posterior: Posterior, names: Sequence[str], p: dict[str, float], most: int
-) -> tuple[str, ...]:
+def smallest_group(posterior: Posterior, names: Sequence[str], p: dict[str, float], most: int) -> Acting:
     """The fewest of some effects, likeliest first, of which one acts with SURE; none if more are needed."""
     ranked = sorted(names, key=lambda name: -p[name])
     for count in range(1, most + 1):

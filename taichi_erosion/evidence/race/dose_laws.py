@@ -120,10 +120,8 @@ class FittedForm:
     def fit_numbers(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
         ends, enough = self.bounds, 1e-5  # relative change of misfit and numbers, far below their errors
-        fit = partial(
-            scipy.optimize.least_squares, lambda a: self.best_numbers(a)[1], bounds=ends, x_scale="jac"
-        )
-        fits = [fit(start.clip(*ends), ftol=enough, xtol=enough) for start in starts]
+        search = partial(scipy.optimize.least_squares, bounds=ends, x_scale="jac", ftol=enough, xtol=enough)
+        fits = [search(lambda a: self.best_numbers(a)[1], start.clip(*ends)) for start in starts]
         best = min(fits, key=lambda each: each.cost)
         covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
         return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
@@ -216,9 +214,8 @@ def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", p
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
     gain = (root * work.weight)[:, np.newaxis] * p.whiten(np.eye(root.size))
-    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - curve_at_doses(
-        curve, place.w
-    )
+    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes])
+    offset = offset - curve_at_doses(curve, place.w)
     y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
     return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 

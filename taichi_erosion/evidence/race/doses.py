@@ -88,10 +88,8 @@ class Dosing:
         dose = Doses(self.factors @ beta, self.dose_slope(at.v, w, at.mean), self.factors)
         size = one_scale("dose", cauchy=self.race.priors.dose)
         block = Block("dose", "", dose.change(self.factors, at.mean.size), size)
-        expansion = {"hypothesis": self.key, "log_prior": self.log_prior, "is_optimum": True}
-        return self.race.fit_at_scales(
-            replace(at, **expansion, blocks=(*self.race.blocks, block), dose=dose), steps, u
-        )
+        about = {"hypothesis": self.key, "log_prior": self.log_prior, "is_optimum": True, "dose": dose}
+        return self.race.fit_at_scales(replace(at, **about, blocks=(*self.race.blocks, block)), steps, u)
 
     def is_hopeless(self, fit: Fit) -> bool:
         """Whether a fit is so unlikely that no few steps more make it worth another run."""

@@ -105,12 +105,10 @@ class LinearRows:
         """X^T w X, X^T w y, y^T w y and numbers of rows, for each scatter and, last, for rows without one."""
         parts = [self.scatter == k for k in (*range(self.count_scatters), -1)]
         each = [(self.columns[rows], self.y[rows], self.weight[rows]) for rows in parts]
-        return (
-            np.array([(x * w[:, np.newaxis]).T @ x for x, _, w in each]),
-            np.array([(x * w[:, np.newaxis]).T @ y for x, y, w in each]),
-            np.array([w @ y**2 for _, y, w in each]),
-            np.array([float(w.size) for _, _, w in each]),
-        )
+        squares = np.array([(x * w[:, np.newaxis]).T @ x for x, _, w in each])
+        projections = np.array([(x * w[:, np.newaxis]).T @ y for x, y, w in each])
+        energy = np.array([w @ y**2 for _, y, w in each])
+        return squares, projections, energy, np.array([float(w.size) for _, _, w in each])
 
     def correct_bad_rows(self, bad: Mapping[int, int]) -> "LinearRows":
         """The same with BAD_SD times the error of blunders, and slips of the decimal point moved back."""

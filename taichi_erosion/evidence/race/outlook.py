@@ -73,21 +73,12 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
     noise = [rows.noise[observable.name] for observable in rows.observables]
     variance = np.array([r * each.lab**2 + each.numerical**2 for r, each in zip(repeats, noise, strict=True)])
     first = rows.select_rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
-    return replace(
-        first,
-        z=np.full(m, np.nan),
-        slope=np.full(m, np.nan),
-        variance=variance[which],
-        censored=np.zeros(m, dtype=np.bool_),
-        reach=np.zeros(m),
-        rounding=np.zeros(m),
-        conditions={name: wanted.conditions[name] for name in rows.conditions},
-        condition_sd={name: np.full(m, np.nan) for name in rows.condition_sd},
-        group=wanted.group or ("",) * m,
-        source=("",) * m,
-        heaps=({},) * m,
-        covariance=None,
-    )
+    conditions = {name: wanted.conditions[name] for name in rows.conditions}
+    exact = {name: np.full(m, np.nan) for name in rows.condition_sd}
+    new = replace(first, z=np.full(m, np.nan), slope=np.full(m, np.nan), variance=variance[which])
+    new = replace(new, censored=np.zeros(m, dtype=np.bool_), reach=np.zeros(m), rounding=np.zeros(m))
+    new = replace(new, conditions=conditions, condition_sd=exact, group=wanted.group or ("",) * m)
+    return replace(new, source=("",) * m, heaps=({},) * m, covariance=None)
 
 
 def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
@@ -240,28 +231,19 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
         mean, emulator[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
         emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
     errors, blocks = np.hstack([both.shared, emulator]), joint_blocks(place, fit, both, doses)
-    conditioned = replace(
-        fit,
-        mean=mean[:n],
-        jacobian=jacobian[:n],
-        errors=errors[:n],
-        blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
-        dose=doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w]),
-    )
-    rows = race.linear(conditioned)[0]
+    first_blocks = tuple(replace(block, columns=block.columns[:n]) for block in blocks)
+    dose = doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w])
+    first = {"mean": mean[:n], "jacobian": jacobian[:n], "errors": errors[:n], "blocks": first_blocks}
+    rows = race.linear(replace(fit, **first, dose=dose))[0]
     active = np.any(rows.columns != 0.0, axis=0)
-    order, linear_rows = np.argsort(~active, kind="stable"), replace(rows, columns=rows.columns[:, active])
+    order = np.argsort(~active, kind="stable")
+    linear_rows = replace(rows, columns=rows.columns[:, active], block=rows.block[active])
     kinds = np.array([block.kind in ("discrepancy", "unlisted") for block in blocks] + [False])
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
-    return Outlook(
-        replace(linear_rows, block=rows.block[active])
-        .correct_bad_rows(fit.evidence.bad)
-        .at_scales(fit.evidence.solution.u),
-        (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
-        np.hstack([jacobian, errors, *columns])[n:, order],
-        rows.block[~active],
-        kinds[rows.block[order]],
-    )
+    solution = linear_rows.correct_bad_rows(fit.evidence.bad).at_scales(fit.evidence.solution.u)
+    start = (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:]
+    every = np.hstack([jacobian, errors, *columns])[n:, order]
+    return Outlook(solution, start, every, rows.block[~active], kinds[rows.block[order]])
 
 
 def scatter_ratio(place: JointRows, solved: LinearPosterior) -> Floats:

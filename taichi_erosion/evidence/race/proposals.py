@@ -61,9 +61,6 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
     return tuple(experiment_record(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
 
-# -- explanations
-
-
 def agrees_with(hypothesis: Hypothesis, true: Hypothesis) -> bool:
     """Whether what one explanation says is right where another holds: all that it names acts, or nothing."""
     return hypothesis.acting <= true.acting if hypothesis.acting else not true.acting
@@ -91,9 +88,6 @@ def likeliest_explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypo
 
     probabilities = {h: p for h, p in shares.items() if p > 0.1 * KEEP}
     return {h: p * agreement(probability, h) / agreement(probabilities, h) for h, p in probabilities.items()}
-
-
-# -- what they expect
 
 
 def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
@@ -144,9 +138,6 @@ def settings(rows: ComparisonRows, indices: Integers, ranges: Mapping[str, tuple
     inside = np.unique(table[np.all(~is_stated | ((table >= low) & (table <= high)), axis=1)], axis=0)
     inside = inside[:: 1 + len(inside) // len(corners)]
     return np.unique(np.where(is_stated, np.vstack([design, inside]), np.nan), axis=0)
-
-
-# -- the design
 
 
 def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]]:

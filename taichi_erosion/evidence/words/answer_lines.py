@@ -169,8 +169,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows = count_noun(vault.n, "held-out row")
-    names = say.join_words(vault.adopted)
+    rows, names = count_noun(vault.n, "held-out row"), say.join_words(vault.adopted)
     numbers = part_words.calibrated_numbers_line
     before, after = vault.chi2_per_row_before, vault.chi2_per_row_after
     change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
@@ -208,8 +207,7 @@ def control_sentence(vault: HeldOutPart, voc: say.Vocabulary) -> str:
 
 def error_table(record: Record, vault: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
-    parts = [(name, record.effects.get(name)) for name in vault.adopted]
-    wrong = vault.chi2_per_row_wrong_effect
+    parts, wrong = [(n, record.effects.get(n)) for n in vault.adopted], vault.chi2_per_row_wrong_effect
     names = (f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
     addition = say.join_words(names)
     rows = [
@@ -336,9 +334,5 @@ def out_of_range_text(row: PredictedPart) -> str:
     return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
 
 
-ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {
-    "compare": compare_answer,
-    "discover": discover_answer,
-    "adopt": adopt_answer,
-    "next": next_answer,
-}
+ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]]
+ANSWERS = {"compare": compare_answer, "discover": discover_answer, "adopt": adopt_answer, "next": next_answer}

@@ -68,9 +68,8 @@ def comparison_sentence(title: str, measure: Document, datum: Document) -> str:
         sd = deviation_or_zero(datum.get("sd"))
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
-    error = hypot(
-        shared, *(deviation_or_zero(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
-    )
+    errors = (deviation_or_zero(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
+    error = hypot(shared, *errors)
     far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
     if far and abs(gap) <= CHANCE * error:
         return f"The {title} agrees with the measured one: {size} apart, {far}."

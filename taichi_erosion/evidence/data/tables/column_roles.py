@@ -397,9 +397,8 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
         share = max(values, default=0.0) <= MOST_SHARE
         usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
         meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
-        return column_in_unit(
-            column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
-        )
+        question = f"Unit of column '{text}' (such as {usual})"
+        return column_in_unit(column, interview.choice(question, usual, meaning))
     allowed, measured = physical_range_of_column(column), column.role == "observable"
     if allowed is None or not values:
         return column

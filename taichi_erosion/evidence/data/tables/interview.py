@@ -61,15 +61,11 @@ from taichi_erosion.tables.number_columns import (
 from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 
 STANDARD_ERROR = re.compile(
-    r"±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误",
-    re.IGNORECASE,
+    r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
 )
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
-SPREADS = {
-    "sd": "the standard deviation of single repeats",
-    "se": "the standard error of their mean",
-    NOT_USED: "not used",
-}
+SPREADS = {"sd": "the standard deviation of single repeats", "se": "the standard error of their mean"}
+SPREADS |= {NOT_USED: "not used"}
 BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
 COMPUTED = "begin its heading with 'note' if it is computed from it, or say"
@@ -87,10 +83,8 @@ def understand_columns(
     columns = columns_with_roles(cells, options, faults)
     signs = any("±" in row[c.place] for _, row in cells.lines for c in columns if c.role == "observable")
     if signs and STANDARD_ERROR.search(cells.titles):
-        words = (
-            "words beside the table make ± a standard error: write a column 'SE' with n, or the sd of repeats"
-        )
-        faults.append(f"{cells.file}: {words}")
+        remedy = "write a column 'SE' with n, or the sd of repeats"
+        faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
     for note in cells.notes:
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
@@ -301,9 +295,8 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
         reading.interview.assume(f"not used: {', '.join(unused)}")
     alone = [c for c, x in values.items() if follows(x, set_ups)]
     alone = alone if len(alone) < len(values) else []
-    return list(
-        settle_unread_columns(columns, {c: why.get(c.heading.text, "") for c in unread}, alone, reading)
-    )
+    reasons = {c: why.get(c.heading.text, "") for c in unread}
+    return list(settle_unread_columns(columns, reasons, alone, reading))
 
 
 def settle_unread_columns(
@@ -364,9 +357,7 @@ def drop_row_numbers(columns: list[Column], reading: Reading) -> list[Column]:
         labels = ["|".join(row[column.place] for column in groups) for _, row in lines]
         if len({*labels}) < len(lines) or len({re.sub(r"\d", "", each) for each in labels}) == len(lines):
             break
-        numbers = max(
-            reversed(groups), key=lambda c: len({re.sub(r"\D", "", row[c.place]) for _, row in lines})
-        )
+        numbers = max(groups[::-1], key=lambda c: len({re.sub(r"\D", "", row[c.place]) for _, row in lines}))
         reading.interview.assume(f"not used: '{numbers.heading.text}' (it numbers the rows)")
         columns = [replace(each, role="remark") if each is numbers else each for each in columns]
     return columns

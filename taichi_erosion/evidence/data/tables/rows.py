@@ -171,16 +171,10 @@ def table_from_cells(
         rows = drop_rows_lacking_conditions(reader, rows, options.titles.values(), notes)
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
-    return Table(
-        cells.file,
-        tuple(column.title for column in reader.columns_with("condition")),
-        tuple(column.heading.unit or None for column in reader.columns_with("condition")),
-        tuple(rows),
-        notes=tuple(notes),
-        set_conditions=tuple(column.title for column in reader.columns_with("condition_sd") if column.is_set),
-        form=cells.form,
-        columns=tuple(columns),
-    )
+    conditions = reader.columns_with("condition")
+    names, units = tuple(each.title for each in conditions), tuple(c.heading.unit or None for c in conditions)
+    set_names = tuple(each.title for each in reader.columns_with("condition_sd") if each.is_set)
+    return Table(cells.file, names, units, tuple(rows), tuple(notes), set_names, cells.form, tuple(columns))
 
 
 def drop_rows_lacking_conditions(
@@ -259,9 +253,10 @@ class RowReader:
         errors = {name: number.sd for name, number in numbers}  # behind ±
         for each in self.columns_with("condition_sd"):
             errors[each.title] = self.read_positive(line, row, each)
-        labels = self.text(row, "group"), self.source_of_row(line, row)
+        # a row of a laboratory's table that names no source has its place in the file
+        source = self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
         shared = Row(
-            *(line, "", nan, False, nan, None, "", *labels),
+            *(line, "", nan, False, nan, None, "", self.text(row, "group"), source),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
             draw=self.read_vault_draw(line, row),
@@ -286,19 +281,14 @@ class RowReader:
         counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
-        if sd > MOST_SCATTER * abs(cell.value) > 0.0:
-            self.add_fault(line, column, row, f"has a scatter of {sd:g}: leave it away where it is not known")
-        if sd == 0.0:
-            self.add_fault(line, column, row, "has a scatter of 0: leave it away where it is not known")
+        if sd == 0.0 or sd > MOST_SCATTER * abs(cell.value) > 0.0:
+            words = f"has a scatter of {abs(sd):g}: leave it away where it is not known"
+            self.add_fault(line, column, row, words)
         if isnan(sd):  # what the user states
             sd = column.cv * abs(cell.value) or nan
             sd = sd if isnan(column.sd) else column.sd * self.column_unit_factor(line, row, column)
-        reach, unit = cell.reach, unit or "1"
-        return replace(
-            shared,
-            **{"observable": name, "value": cell.value, "censored": reach != 0.0, "reach": reach},
-            **{"sd": sd, "n": n, "unit": unit},
-        )
+        values = {"observable": name, "value": cell.value, "censored": cell.reach != 0.0, "reach": cell.reach}
+        return replace(shared, **values, sd=sd, n=n, unit=unit or "1")
 
     def read_observable(self, line: int, row: Sequence[str]) -> tuple[str, str]:
         """Observable and unit of a row of a tidy table."""
@@ -399,10 +389,6 @@ class RowReader:
     def text(self, row: Sequence[str], role: Role) -> str:
         """Words of a row in the columns of a role."""
         return ", ".join(row[column.place] for column in self.columns_with(role) if row[column.place])
-
-    def source_of_row(self, line: int, row: Sequence[str]) -> str:
-        """Source of a row; of a laboratory's table its place in the file where it names none."""
-        return self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
 
     def read_vault_draw(self, line: int, row: Sequence[str]) -> Drawn:
         """What became of a row when rows were drawn for the vault."""
