@@ -139,7 +139,7 @@ def test_no_two_runs_share_their_noise(found):
 
 
 def test_a_step_called_again_runs_nothing_and_says_the_same(found, monkeypatch):
-    monkeypatch.setattr(execute, "start_pool", None)  # whoever starts workers fails
+    monkeypatch.setattr(execute.pools, "start_pool", None)  # whoever starts workers fails
     again = calibrate(found.file.path, **HERE)
     timing = dict.fromkeys(("wall_s", "cpu_s"))
     assert again.document | timing == found.document | timing
