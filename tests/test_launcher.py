@@ -60,12 +60,8 @@ class Tree:
         for path, text in ((tools / "uv", UV), (tools / "program", PROGRAM)):
             path.write_text(text)
             path.chmod(0o755)
-        self.environment = {
-            "PATH": f"{tools}:/usr/bin:/bin",
-            "ASKED": str(self.asked),
-            "PROGRAM": str(tools / "program"),
-            "PYTHON": sys.executable,
-        }
+        self.environment = {"PATH": f"{tools}:/usr/bin:/bin", "ASKED": str(self.asked)}
+        self.environment |= {"PROGRAM": str(tools / "program"), "PYTHON": sys.executable}
 
     def call(self, *words: str, cwd: Path | None = None, **environment: str):
         command, folder = [sys.executable, str(self.root / "erosion"), *words], cwd or self.root

@@ -36,9 +36,8 @@ STUDY = {
     },
     "design": {"climb_steps": 4, "confirm": 8},
 }
-WIDE = STUDY["parameters"] | {
-    "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
-}
+RANGE = {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
+WIDE = STUDY["parameters"] | {"contact.soil-soil.restitution": RANGE}
 MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
 MATTER |= {"contact.soil-steel.friction_sliding"}
 HERE = {"overrides": {"workers": 1}, "function": closed_form.FUNCTION}

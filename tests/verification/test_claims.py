@@ -96,10 +96,8 @@ def test_known_failures_leave_exit_code_0_unless_strict(monkeypatch, capsys) -> 
 def test_claims_that_differ_in_a_number_share_a_row_unless_they_fail() -> None:
     got = {"a | b of 1 mm": 1.0, "a | b of 2 mm": 1.05, "a | b of 3 mm": 2.0}
     claims = [as_claim("V01", Outcome(claim, value, 1.0, 0.1, "f64"), 0.5) for claim, value in got.items()]
-    assert claim_rows(claims) == [
-        r"| V01 | a \| b of 2 mm | 2 | 1.05 | 1 | 0.1 | yes |",
-        r"| V01 | a \| b of 3 mm | 1 | 2 | 1 | 0.1 | **NO** |",
-    ]
+    first = r"| V01 | a \| b of 2 mm | 2 | 1.05 | 1 | 0.1 | yes |"
+    assert claim_rows(claims) == [first, r"| V01 | a \| b of 3 mm | 1 | 2 | 1 | 0.1 | **NO** |"]
 
 
 @pytest.mark.docs

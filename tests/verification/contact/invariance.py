@@ -58,9 +58,8 @@ def cluster(wall: bool) -> Setup:
     spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
     impact = small.head_on(TOUCH, DENSITY, SPEED, RADIUS, RADIUS)
     grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
-    return small.sphere_setup(
-        grains, TOUCH, impact.duration / 100.0, small.FLAT if wall else small.NONE, small.GRAVITY
-    )
+    walls, step = small.FLAT if wall else small.NONE, impact.duration / 100.0
+    return small.sphere_setup(grains, TOUCH, step, walls, small.GRAVITY)
 
 
 def seen(setup: Setup, view: View) -> Setup:
