@@ -11,17 +11,14 @@ from taichi_erosion.measures import wall_loads
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def network() -> ContactNetwork:
-    """One contact of two grains, two on wall 1, one on wall 0."""
-    second, zero = np.array([1, -2, -2, -1]), np.zeros((4, 3))
+def test_the_load_of_a_wall_is_the_sum_of_its_contacts_with_opposite_sign():
+    # one contact of two grains, two on wall 1, one on wall 0
+    first, second = np.array([[0, 1, 2, 3], [1, -2, -2, -1]], dtype=np.int32)
     point = np.array([[9.0, 9.0, 9.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
     force = np.array([[7.0, 7.0, 7.0], [0.0, 0.0, 2.0], [3.0, 0.0, 1.0], [0.0, 5.0, 0.0]])
-    first = np.arange(4, dtype=np.int32)
-    return ContactNetwork(0.0, first, second.astype(np.int32), zero, point, zero, zero, force, ("a", "b"))
-
-
-def test_the_load_of_a_wall_is_the_sum_of_its_contacts_with_opposite_sign():
-    loads = wall_loads.forces_and_torques_on_walls(network())
+    zero = np.zeros((4, 3))
+    network = ContactNetwork(0.0, first, second, zero, point, zero, zero, force, ("a", "b"))
+    loads = wall_loads.forces_and_torques_on_walls(network)
     assert loads[0].tolist() == [0.0, -5.0, 0.0, 5.0, 0.0, 0.0]  # z x -5 y = 5 x
     assert loads[1].tolist() == [-3.0, 0.0, -3.0, -2.0, 2.0, 6.0]
 

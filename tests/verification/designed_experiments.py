@@ -35,14 +35,9 @@ def factors(count: int) -> list[Factor]:
     return [Factor(f"x{k}", 0.1 * k, 0.1 * k + 10.0**k) for k in range(count)]
 
 
-def fitted(design: Design, values: Floats, order: str) -> fits.Fit:
+def fitted(design: Design, values: Floats, order: fits.Order) -> fits.Fit:
     """The model of one synthetic response."""
-    terms = (
-        fits.model_terms(len(design.factors), "linear")
-        if order == "linear"
-        else fits.model_terms(3, "quadratic")
-    )
-    return fits.fit_model(design.with_responses(y=values), "y", terms)
+    return fits.fit_model(design.with_responses(y=values), "y", order)
 
 
 def share(claim: str, hits: list[bool], wanted: float) -> Outcome:
@@ -90,10 +85,8 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
 
 def noisy_effects(screening: Design, surface: Design, noise: Callable[[int], Floats]) -> Iterator[Outcome]:
     """What must hold in the right share of tables."""
-    plane, bowl = (
-        20.0 + screening.coded @ SCREENED,
-        fits.model_matrix(surface.coded, fits.model_terms(3, "quadratic")),
-    )
+    plane = 20.0 + screening.coded @ SCREENED
+    bowl = fits.model_matrix(surface.coded, fits.model_terms(3, "quadratic"))
     lines = [fitted(screening, plane + noise(len(screening)), "linear") for _ in range(TABLES)]
     curves = [fitted(surface, bowl @ CURVED + noise(len(surface)), "quadratic") for _ in range(TABLES)]
     # one slope of each table: slopes of one table share their error and are no independent trials
