@@ -61,10 +61,8 @@ def test_fields_on_a_grid_are_the_sums_of_the_definition(world):
         velocity = (state.mass * psi) @ state.velocity / density
         fluctuation = state.velocity - velocity
         kinetic = np.einsum("n,na,nb->ab", state.mass * psi, fluctuation, fluctuation)
-        stress = sum(
-            np.outer(f, branch) * line_integral(r - centre, branch)
-            for f, branch, centre in zip(contacts.force, contacts.branch, contacts.centre, strict=True)
-        )
+        touches = zip(contacts.force, contacts.branch, contacts.centre, strict=True)
+        stress = sum(np.outer(f, b) * line_integral(r - centre, b) for f, b, centre in touches)
         assert found.density[a, b, c] == pytest.approx(density)
         assert found.solid_fraction[a, b, c] == pytest.approx(np.pi / 6.0 * psi.sum())
         np.testing.assert_allclose(found.velocity[a, b, c], velocity)
