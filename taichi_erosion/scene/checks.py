@@ -87,10 +87,8 @@ def lid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def exchange_interval_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """Exchanges come before drag has changed a velocity: Stokes' response time is rho_p d^2 / (18 mu)."""
-    least = min(
-        m.density * sizes.size_range(scene.grains.parts[n].size)[0] ** 2
-        for n, m in scene.grain_materials.items()
-    )
+    finest = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
+    least = min(m.density * finest[name] ** 2 for name, m in scene.grain_materials.items())
     response = least / (18.0 * wind.viscosity * wind.density)
     interval = wind.look_steps * limits.time_step(scene)
     if interval > EXCHANGE_SHARE * response:

@@ -162,21 +162,15 @@ def smallest_radii(scene: Scene) -> dict[str, float]:
     least = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
     if isinstance(scene.fill, Positions):
         rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
-        least = {
-            name: min(low_end or low for kind, low_end in rows if kind == name)
-            for name, low in least.items()
-            if any(kind == name for kind, _ in rows)
-        }
+        placed = {name: low for name, low in least.items() if any(kind == name for kind, _ in rows)}
+        least = {name: min(d or low for kind, d in rows if kind == name) for name, low in placed.items()}
     return {name: low * share for name, low in least.items()}
 
 
 def grain_rayleigh_time(scene: Scene) -> float:
     """Rayleigh time of the contact sphere for which it is shortest [s]; walls do not vibrate."""
-    return min(
-        rayleigh_time(radius, material.density, contacts.shear_modulus(material), material.poisson_ratio)
-        for name, radius in smallest_radii(scene).items()
-        for material in [scene.materials[name]]
-    )
+    pairs = ((radius, scene.materials[name]) for name, radius in smallest_radii(scene).items())
+    return min(rayleigh_time(r, m.density, contacts.shear_modulus(m), m.poisson_ratio) for r, m in pairs)
 
 
 def time_step(scene: Scene) -> float:
@@ -328,6 +322,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = time_step_limits(scene), time_step(scene), largest_adhesion_numbers(scene)
     low, high = sizes.size_range(scene.grains)
+    warnings = [*time_step_warnings(chosen, limit), *adhesion_warnings(scene, sticking)]
     return {
         "time_step": chosen,
         "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
@@ -339,12 +334,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "rolling": rolling_friction_sentences(scene),
         "kinds": [*coarse_graining_sentences(scene.grains), *grain_kind_sentences(scene)],
         "adhesion": sticking,
-        "warnings": [
-            *time_step_warnings(chosen, limit),
-            *adhesion_warnings(scene, sticking),
-            *outlet_warnings(scene),
-            *inlet_warnings(scene),
-        ],
+        "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene)],
     }
 
 
