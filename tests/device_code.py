@@ -60,12 +60,8 @@ def trees() -> dict[str, ast.Module]:
 
 @cache
 def device_functions() -> dict[Place, ast.FunctionDef]:
-    return {
-        (module, function.name): function
-        for module, tree in trees().items()
-        for function in functions(tree)
-        if is_device_function(function)
-    }
+    found = ((module, f) for module, tree in trees().items() for f in functions(tree))
+    return {(module, f.name): f for module, f in found if is_device_function(f)}
 
 
 def arguments_of(place: Place) -> list[str]:

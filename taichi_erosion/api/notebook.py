@@ -29,9 +29,8 @@ def progress_bar(title: str) -> Iterator[Report]:
 def result_html(title: str, sentences: Iterable[str], tables: Iterable[pd.DataFrame]) -> str:
     """HTML of a result: title, sentences, tables."""
     parts = [f"<p><b>{escape(title)}</b></p>", *(f"<p>{escape(one)}</p>" for one in sentences)]
-    return "\n".join(
-        [*parts, *(table.to_html(border=0, na_rep="", float_format="{:.4g}".format) for table in tables)]
-    )
+    html = [table.to_html(border=0, na_rep="", float_format="{:.4g}".format) for table in tables]
+    return "\n".join([*parts, *html])
 
 
 class WholeTable(pd.DataFrame):

@@ -104,9 +104,8 @@ def measure_command(session: Session) -> str:
 def plot_command(session: Session, name: str, file: str) -> str:
     from taichi_erosion.report.figure_style import as_png, curve_figure
 
-    return str(
-        live.write_file(session, Path(file), as_png(curve_figure(*live.sampled_curve(session, name), name)))
-    )
+    picture = as_png(curve_figure(*live.sampled_curve(session, name), name))
+    return str(live.write_file(session, Path(file), picture))
 
 
 def watch_command(session: Session, *names: str) -> str:
@@ -123,10 +122,8 @@ def diff_command(session: Session, before: str | None = None, after: str | None 
 
 
 def status_command(session: Session) -> str:
-    return "  ".join(
-        f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in live.session_status(session).items()
-    )
+    numbers = live.session_status(session).items()
+    return "  ".join(f"{name} {n:.5g}" if isinstance(n, float) else f"{name} {n}" for name, n in numbers)
 
 
 def save_command(session: Session, name: str = "last") -> str:

@@ -209,9 +209,6 @@ def effects(effect_files: Sequence[PathLike] = ()) -> pd.DataFrame:
     from taichi_erosion.effect_library import load_library
 
     library = load_library([Path(file) for file in effect_files])
-    rows = (
-        {"effect": name, "title": effect.title, "place": effect.place}
-        | {"reads": ", ".join(effect.reads), "largest_strength": effect.most}
-        for name, effect in sorted(library.items())
-    )
-    return table_of_rows(rows).set_index("effect")
+    rows = ((n, e.title, e.place, ", ".join(e.reads), e.most) for n, e in sorted(library.items()))
+    names = ("effect", "title", "place", "reads", "largest_strength")
+    return table_of_rows(dict(zip(names, row, strict=True)) for row in rows).set_index("effect")

@@ -232,6 +232,5 @@ def live(
         with page.turn:
             page.playing = False
     examine_effect_files(files)
-    return LiveSession(
-        sessions.open_session(Path(scene), changes_as_overrides(changes, entries, OPTIONS), seed, files)
-    )
+    overrides = changes_as_overrides(changes, entries, OPTIONS)
+    return LiveSession(sessions.open_session(Path(scene), overrides, seed, files))

@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pandas as pd
 
+from taichi_erosion.api import results
 from taichi_erosion.api.notebook import progress_bar
-from taichi_erosion.api.results import (
-    AdoptionResult,
-    ComparisonResult,
-    DiscoveryResult,
-    ExperimentsResult,
-    PredictionResult,
-    Result,
-)
 from taichi_erosion.api.runs import PathLike
 from taichi_erosion.core.errors import BadInput
 
@@ -24,7 +17,7 @@ if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
 Document = Mapping[str, Any]
-Kind = TypeVar("Kind", bound=Result)
+Kind = TypeVar("Kind", bound=results.Result)
 TableLike = PathLike | Mapping[str, Sequence[Any]] | pd.DataFrame
 
 
@@ -45,19 +38,19 @@ class Study:
         """The same study, whose commands go on where a fault of its set-up would keep an answer waiting."""
         return replace(self, options=replace(self.options, force=True))
 
-    def compare(self) -> ComparisonResult:
+    def compare(self) -> results.ComparisonResult:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return run_study_command(self, ComparisonResult, "comparing", compare_study)
+        return run_study_command(self, results.ComparisonResult, "comparing", compare_study)
 
-    def discover(self) -> DiscoveryResult:
+    def discover(self) -> results.DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return run_study_command(self, DiscoveryResult, "discovering", discover_study)
+        return run_study_command(self, results.DiscoveryResult, "discovering", discover_study)
 
-    def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
+    def adopt(self, *effects: str | Sequence[str], force: bool = False) -> results.AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
 
         Raises BadInput for what is no candidate.
@@ -67,17 +60,16 @@ class Study:
         names = [name for each in effects for name in ([each] if isinstance(each, str) else each)]
         if not names:
             raise BadInput("adopt: name the effects to add")
-
         forced = replace(self, options=replace(self.options, force=force or self.options.force))
-        return run_study_command(forced, AdoptionResult, "adopting", adopt_study, names)
+        return run_study_command(forced, results.AdoptionResult, "adopting", adopt_study, names)
 
-    def next(self) -> ExperimentsResult:
+    def next(self) -> results.ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return run_study_command(self, ExperimentsResult, "planning", next_study)
+        return run_study_command(self, results.ExperimentsResult, "planning", next_study)
 
-    def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
+    def predict(self, table: TableLike, *, bare: bool = False) -> results.PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
 
         `table` is a file (.csv, .xlsx), or a DataFrame or dict with a column for each condition. The adopted
@@ -88,7 +80,8 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = path_of_table(table, Path(folder) / "conditions")
-            return run_study_command(self, PredictionResult, "predicting", predict_study, file, bare=bare)
+            kind = results.PredictionResult
+            return run_study_command(self, kind, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""

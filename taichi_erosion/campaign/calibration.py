@@ -154,13 +154,10 @@ def write_design(calibration: Calibration, name: str, design: Design) -> Path:
 
 def design_rows_document(design: Design) -> Document:
     """Settings and responses row by row."""
-    rows = [
-        {
-            "settings": design.settings(row),
-            "responses": {name: float(column[row]) for name, column in design.responses.items()},
-        }
-        for row in range(len(design))
-    ]
+    rows = []
+    for row in range(len(design)):
+        responses = {name: float(column[row]) for name, column in design.responses.items()}
+        rows.append({"settings": design.settings(row), "responses": responses})
     return {"rows": rows}
 
 
@@ -196,14 +193,11 @@ def surface_document(surface: ResponseSurface, labels: Mapping[str, str]) -> Doc
 
 def optimum_document(optimisation: Optimisation) -> Document:
     """Optima, reach of the surface, and sentences about both."""
-    optima = [
-        {
-            "settings": optimum.settings,
-            "desirability": optimum.desirability,
-            "predicted": {name: asdict(one) for name, one in optimum.predictions.items()},
-        }
-        for optimum in optimisation.optima
-    ]
+    optima = []
+    for optimum in optimisation.optima:
+        predicted = {name: asdict(one) for name, one in optimum.predictions.items()}
+        numbers = {"settings": optimum.settings, "desirability": optimum.desirability}
+        optima.append(numbers | {"predicted": predicted})
     reach = {name: asdict(one) for name, one in optimisation.reach.items()}
     verdict = {"met": optimisation.is_met, "sentences": list(optimisation.sentences)}
     return {"optima": optima, "reach": reach, **verdict}

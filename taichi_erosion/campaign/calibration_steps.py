@@ -117,10 +117,8 @@ def design_request(
     extra: dict[str, Any] = {"device": runner.workers}
     if file.study.design.record in (stage, "all"):
         columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
-        extra |= {
-            "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
-            "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
-        }
+        extra["record"] = file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd"
+        extra["properties"] = {"doe": {"stage": stage, "row": row + 1} | columns}
     return request_of_file(scene, scene_overrides(file, settings), seed, file.effect_files, **extra)
 
 

@@ -21,15 +21,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
+from taichi_erosion.campaign import pool as pools
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished_runs
-from taichi_erosion.campaign.pool import (
-    Batch,
-    FinishedBatch,
-    Pool,
-    refuse_missing_devices,
-    start_cluster_pool,
-    start_pool,
-)
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, usable_cores
@@ -67,7 +60,7 @@ class Campaign:
 
     requests: dict[str, RunRequest]  # by key
     ledger: Ledger
-    pool: Pool
+    pool: pools.Pool
     progress: Report | None
     work: float  # grain-steps of the runs that did not stand in the ledger
     starts: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
@@ -95,11 +88,11 @@ def run_requests(
     if remaining := unfinished_runs(ledger, list(by_key)):
         archs: set[Arch] = {by_key[key].arch for key in remaining if by_key[key].arch != "cpu"}
         if scheduler:
-            pool = start_cluster_pool(function, ledger.folder, scheduler)
+            pool = pools.start_cluster_pool(function, ledger.folder, scheduler)
         else:
-            refuse_missing_devices(archs)
+            pools.refuse_missing_devices(archs)
             count = 1 if archs else min(len(remaining), workers or usable_cores())
-            pool = start_pool(function, ledger.folder, count)
+            pool = pools.start_pool(function, ledger.folder, count)
         campaign = Campaign(by_key, ledger, pool, progress, sum(by_key[key].work for key in remaining))
         try:
             while remaining := unfinished_runs(ledger, list(by_key)):  # here or at another parent
@@ -130,12 +123,12 @@ def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) ->
         batch = [request for request in batch if request.key in leased]
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
-            campaign.pool.submit_batch(Batch(keys, payloads))
+            campaign.pool.submit_batch(pools.Batch(keys, payloads))
             whole = sum(request.work for request in batch)
             campaign.starts |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def record_batch_outcome(campaign: Campaign, outcome: FinishedBatch) -> None:
+def record_batch_outcome(campaign: Campaign, outcome: pools.FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
     ledger, keys = campaign.ledger, outcome.batch.keys
     for place, record in outcome.records:

@@ -198,7 +198,4 @@ def read_results(ledger: Ledger, keys: Sequence[str]) -> list[RunResult]:
     """Results of runs that have ended, in the order of the keys."""
     query = "SELECT record, failure, wall_s FROM run WHERE key = ? AND state IN ('done', 'failed')"
     rows = ((key, row) for key in keys for row in ledger.database.query_rows(query, (key,)))
-    return [
-        RunResult(key, json.loads(record) if record else {}, failure, wall_s or 0.0)
-        for key, (record, failure, wall_s) in rows
-    ]
+    return [RunResult(key, json.loads(text or "{}"), why, wall_s or 0.0) for key, (text, why, wall_s) in rows]

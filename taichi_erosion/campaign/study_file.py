@@ -21,7 +21,7 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.load import error_lines, first_error_line, lists_to_tuples, read_toml
 from taichi_erosion.scene.paths import DIALECT
-from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
+from taichi_erosion.scene.schema.fields import Name, Section, contradiction, entry, number
 
 UNIT, UNIT_OF_PARAMETER = "unit of the observable", "unit of the parameter"
 LARGEST = 1e30  # numbers beyond it are taken for a slip
@@ -49,27 +49,25 @@ class Head(Section):
     seed: int = number(1, "1", "first seed of the simulations; every run takes the next", 0, 2**31)
     runs: str | None = Field(None, min_length=1, description="folder of runs that several studies share")
     follows: str | None = Field(None, min_length=1, description="study from which `adopt` made this one")
-    effect_files: tuple[str, ...] = Field(
-        (), description="Python files with effects of your own, relative to the study file"
+    effect_files: tuple[str, ...] = entry(
+        (), "Python files with effects of your own, relative to the study file"
     )
-    settings: tuple[str, ...] = Field((), description="PATH=VALUE changes of the scene for all designed runs")
+    settings: tuple[str, ...] = entry((), "PATH=VALUE changes of the scene for all designed runs")
 
 
 class ObservableEntry(Section):
     """Scene that answers an observable, and the scale on which its noise is near-normal."""
 
     scene: str | None = Field(None, min_length=1, description="scene file, beside the study file")
-    measure: Name | None = Field(None, description="measure of the scene that answers; left out: same name")
+    measure: Name | None = entry(None, "measure of the scene that answers; left out: same name")
     unit: str | None = Field(None, max_length=60, description="unit of the model; left out: the table's")
-    transform: Literal["identity", "log", "log_floor"] = Field("identity", description="scale of comparison")
+    transform: Literal["identity", "log", "log_floor"] = entry("identity", "scale of comparison")
     floor: float | None = number(None, UNIT, "least value that the instrument sees", 0.0, LARGEST)
     sd_shared: float = number(0.0, UNIT, "systematic sd common to all rows of one instrument", 0.0, LARGEST)
     sd_shared_relative: float = number(0.0, "1", "the same, as a share of the value", 0.0, 10.0)
     sd_numerical: float = number(0.0, UNIT, "tolerance for box, time step, coarse graining", 0.0, LARGEST)
-
-    same_size: bool = Field(
-        default=False,
-        description="the laboratory's heap has as many grains as the scene's: a small one is no fault",
+    same_size: bool = entry(
+        False, "the laboratory's heap has as many grains as the scene's: a small one is no fault"
     )
 
     @model_validator(mode="after")
@@ -94,7 +92,7 @@ class ParameterEntry(Section):
     unit: str = Field("1", max_length=20, description="unit of the parameter")
     symbol: str = Field("", max_length=20, description="letter in a publication")
     label: str = Field("", max_length=60, description="name for people")
-    also: tuple[str, ...] = Field((), description="paths that take the same value in a designed run")
+    also: tuple[str, ...] = entry((), "paths that take the same value in a designed run")
     published: str = Field("", max_length=400, description="what a publication says of it")
 
     @model_validator(mode="after")
@@ -124,11 +122,11 @@ class CandidateEntry(Section):
 class Candidates(Section):
     """Effects to try."""
 
-    effects: tuple[Name, ...] = Field(default=(), description="'all', or a list of names")
-    mechanisms: tuple[Name, ...] | None = Field(
-        default=None, description="to try where no effect suffices: all if left out, [] for none"
+    effects: tuple[Name, ...] = entry((), "'all', or a list of names")
+    mechanisms: tuple[Name, ...] | None = entry(
+        None, "to try where no effect suffices: all if left out, [] for none"
     )
-    tables: dict[Name, CandidateEntry] = Field(default={}, description="priors of single effects")
+    tables: dict[Name, CandidateEntry] = entry({}, "priors of single effects")
 
 
 class AdoptedEntry(CandidateEntry):
@@ -141,12 +139,8 @@ class VaultEntry(Section):
     """Measurements that are held out until an effect is adopted."""
 
     fraction: float = number(0.3, "1", "share of the groups", 0.0, 0.9)
-    ranges: dict[Name, tuple[float, float]] = Field(
-        default={}, description="whole ranges of a condition, inclusive"
-    )
-    sources: tuple[str, ...] = Field(
-        default=(), description="sources that are held out whole, as the table has them"
-    )
+    ranges: dict[Name, tuple[float, float]] = entry({}, "whole ranges of a condition, inclusive")
+    sources: tuple[str, ...] = entry((), "sources that are held out whole, as the table has them")
     drawn_from: str | None = Field(
         default=None,
         pattern=r"^[0-9a-f]{64}$",
@@ -163,8 +157,8 @@ class BudgetEntry(Section):
 class LaboratoryEntry(Section):
     """What could be measured next."""
 
-    ranges: dict[Name, tuple[float, float]] = Field(default={}, description="reach of each condition")
-    costs: dict[Name, float] = Field(default={}, description="cost of one measurement by observable")
+    ranges: dict[Name, tuple[float, float]] = entry({}, "reach of each condition")
+    costs: dict[Name, float] = entry({}, "cost of one measurement by observable")
     repeats: int = number(3, "1", "repeats of one measurement", 1, 1000)
 
 
@@ -184,11 +178,11 @@ class DesignSizes(Section):
     screen_centre: int = number(4, "1", "centre points of the screening", 0, 100)
     climb_steps: int = number(5, "1", "runs along the steepest path beyond its start", 1, 100)
     climb_step: float = number(0.4, "1", "coded step of the steepest factor", 1e-3, 10.0)
-    surface: Literal["box_behnken", "central_composite", "latin_hypercube"] = Field(
-        default="box_behnken", description="design of the surface"
+    surface: Literal["box_behnken", "central_composite", "latin_hypercube"] = entry(
+        "box_behnken", "design of the surface"
     )
-    surface_axial: Literal["rotatable", "spherical", "faced"] = Field(
-        default="rotatable", description="distance of the star points of a central composite design"
+    surface_axial: Literal["rotatable", "spherical", "faced"] = entry(
+        "rotatable", "distance of the star points of a central composite design"
     )
     surface_runs: int | None = number(
         None, "1", "runs of a Latin hypercube beside the centre; left out: ten by factor", 10, HYPERCUBE_MOST
@@ -197,9 +191,7 @@ class DesignSizes(Section):
     surface_half: float = number(0.5, "1", "half range of the surface, in that of the screening", 1e-3, 10.0)
     surface_centre: int = number(5, "1", "centre points of the surface", 1, 100)
     confirm: int = number(5, "1", "fresh seeds at the optimum", 2, 10_000)
-    record: Literal["none", "confirm", "all"] = Field(
-        default="none", description="runs whose recordings are kept"
-    )
+    record: Literal["none", "confirm", "all"] = entry("none", "runs whose recordings are kept")
 
     @model_validator(mode="after")
     def _refuse_entries_of_other_design(self) -> "DesignSizes":
@@ -224,11 +216,9 @@ class WorkersEntry(Section):
     """Where designed runs are made; the command line overrides it."""
 
     workers: int | None = number(None, "1", "local processes; left out: one a core", 1, 10_000)
-    arch: ArchChoice = Field(
-        default="cpu", description="device; auto: a graphics processor for large runs, if there is one"
-    )
-    decomposition: Decomposition | None = Field(
-        default=None, description="what one thread advances; left out: partitions on cpu, grains elsewhere"
+    arch: ArchChoice = entry("cpu", "device; auto: a graphics processor for large runs, if there is one")
+    decomposition: Decomposition | None = entry(
+        None, "what one thread advances; left out: partitions on cpu, grains elsewhere"
     )
     scheduler: str | None = Field(default=None, min_length=1, description="address of a Dask scheduler")
 
@@ -238,17 +228,15 @@ class StudyFile(Section):
 
     study: Head
     observables: dict[Name, ObservableEntry] = Field(min_length=1)
-    conditions: dict[Name, str] = Field({}, description="column of the table -> dotted path, or name")
-    columns: dict[str, Name] = Field(
-        {}, description="heading of a laboratory's own table -> observable or condition"
-    )
+    conditions: dict[Name, str] = entry({}, "column of the table -> dotted path, or name")
+    columns: dict[str, Name] = entry({}, "heading of a laboratory's own table -> observable or condition")
     parameters: dict[str, ParameterEntry] = Field(default={}, max_length=SCREENED_MOST)
-    adopted: dict[Name, AdoptedEntry] = Field(default={}, description="effects that are in the model already")
+    adopted: dict[Name, AdoptedEntry] = entry({}, "effects that are in the model already")
     candidates: Candidates = Candidates()
     vault: VaultEntry = VaultEntry()
     budget: BudgetEntry = BudgetEntry()
     laboratory: LaboratoryEntry = LaboratoryEntry()
-    targets: dict[Name, Target] = Field(default={}, description="what a calibration aims at")
+    targets: dict[Name, Target] = entry({}, "what a calibration aims at")
     design: DesignSizes = DesignSizes()
     campaign: WorkersEntry = WorkersEntry()
 
@@ -268,9 +256,9 @@ class StudyFile(Section):
 
     @model_validator(mode="after")
     def _require_scene_of_observables(self) -> "StudyFile":
-        for name, entry in self.observables.items():
-            if (entry.scene is None) == (self.study.model is None):
-                word = "missing, as is study.model" if entry.scene is None else "given, and study.model too"
+        for name, asked in self.observables.items():
+            if (asked.scene is None) == (self.study.model is None):
+                word = "missing, as is study.model" if asked.scene is None else "given, and study.model too"
                 raise contradiction(f"observables.{name}.scene is {word}; exactly one must answer")
         return self
 
@@ -426,11 +414,8 @@ def study_schema() -> dict[str, Any]:
     tables = candidates["properties"].pop("tables")
     names = candidates["properties"]["effects"]
     listed = {key: names[key] for key in ("type", "items")}
-    candidates["properties"]["effects"] = {
-        "anyOf": [{"const": ALL}, listed],
-        "description": names["description"],
-        "default": [],
-    }
+    either = {"anyOf": [{"const": ALL}, listed], "description": names["description"], "default": []}
+    candidates["properties"]["effects"] = either
     candidates["additionalProperties"] = next(iter(tables["patternProperties"].values()))
     del schema["$defs"]["ParameterEntry"]["properties"]["start"]["default"]  # no number
     return schema

@@ -39,6 +39,8 @@ from taichi_erosion.cli.options import (
     Verbose,
     Whole,
     command_help,
+    flag,
+    value,
 )
 from taichi_erosion.cli.progress import LOG, open_log, progress_report
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
@@ -67,8 +69,7 @@ existing = partial(Argument, exists=True, dir_okay=False)  # a file that must be
 
 SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file (TOML).")]
 Override = Annotated[
-    list[str] | None,
-    Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
+    list[str] | None, value("PATH=VALUE", "Change one entry of the scene; may be repeated.", "--set")
 ]
 RecordingOrStudy = Annotated[
     Path, existing(metavar="FILE|STUDY", help="Recording (.rrd), or study with results.")
@@ -80,9 +81,9 @@ def typed_options(**options: Any) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-def print_version(flag: bool) -> None:
+def print_version(asked: bool) -> None:
     """Print the version, then those of the engine and of Python, and exit."""
-    if flag:
+    if asked:
         typer.echo(__version__)
         typer.echo(f"engine {engine_name()} {engine_version()}, Python {platform.python_version()}")
         raise typer.Exit
@@ -109,10 +110,7 @@ def set_global_options(
         ),
     ] = None,
     log: Annotated[
-        File,
-        Option(
-            metavar="FILE", help="Append command, progress, warnings and exit code to a log; before COMMAND."
-        ),
+        File, value("FILE", "Append command, progress, warnings and exit code to a log; before COMMAND.")
     ] = None,
 ) -> None:
     """Options before the command."""
@@ -133,16 +131,14 @@ def run(
         Whole, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
     ] = None,
     precision: Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")] = None,
-    record: Annotated[File, Option(metavar="FILE", help="Recording to write (.rrd).")] = None,
-    no_record: Annotated[bool, Option("--no-record", help="Write no recording.")] = False,
-    checkpoint: Annotated[File, Option(metavar="FILE", help="File for the saved state.")] = None,
-    every: Annotated[float | None, Option(metavar="T", help="Simulated seconds between saves.")] = None,
-    resume: Annotated[
-        File, Option(metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False)
-    ] = None,
+    record: Annotated[File, value("FILE", "Recording to write (.rrd).")] = None,
+    no_record: Annotated[bool, flag("--no-record", "Write no recording.")] = False,
+    checkpoint: Annotated[File, value("FILE", "File for the saved state.")] = None,
+    every: Annotated[float | None, value("T", "Simulated seconds between saves.")] = None,
+    resume: Annotated[File, value("FILE", "Continue from a checkpoint.", exists=True, dir_okay=False)] = None,
     effect: EffectFiles = None,
     measure: MeasureFiles = None,
-    check: Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")] = False,
+    check: Annotated[bool, flag("--check", "Validate the scene; simulate nothing.")] = False,
     force: Force = False,
     verbose: Verbose = False,
     as_json: AsJson = False,
@@ -163,9 +159,8 @@ def run(
     options |= typed_options(decomposition=decomposition, checkpoint_interval=every, record=record)
     options |= typed_options(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
     with progress_report("simulating") as progress:
-        document = run_scene(
-            scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
-        )
+        run_options = RunOptions(no_record=no_record, force=force, progress=progress, **options)
+        document = run_scene(scene, run_options)
     for line in run_warnings(document):
         LOG.warning(line)
     output.print_result(document, as_json, lambda result: output.print_run(result, verbose))
@@ -176,15 +171,13 @@ def run(
 @app.command(**command_help("sweep", SIMULATE))
 def sweep(
     scene: SceneFile,
-    over: Annotated[str, Option(metavar="PATH=A,B,C", help="Entry of the scene and its values.")],
+    over: Annotated[str, value("PATH=A,B,C", "Entry of the scene and its values.")],
     override: Override = None,
-    replicas: Annotated[
-        int | None, Option(min=1, help="Repeats at each value; default: the scene's.")
-    ] = None,
-    workers: Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")] = None,
-    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Dask scheduler.")] = None,
+    replicas: Annotated[Whole, Option(min=1, help="Repeats at each value; default: the scene's.")] = None,
+    workers: Annotated[Whole, Option(min=1, help="Local processes; default: one per core.")] = None,
+    scheduler: Annotated[Text, value("ADDRESS", "Dask scheduler.")] = None,
     effect: EffectFiles = None,
-    out: Annotated[Path | None, Option(metavar="DIR", help="Folder of table and picture.")] = None,
+    out: Annotated[File, value("DIR", "Folder of table and picture.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -238,8 +231,8 @@ def live(
     scene: SceneFile,
     override: Override = None,
     seed: Annotated[Whole, Option(min=0, help="Seed of the grains.")] = None,
-    record: Annotated[File, Option(metavar="FILE", help="Recording to write during the session.")] = None,
-    web: Annotated[bool, Option("--web", help="Serve a page that steers and shows the session.")] = False,
+    record: Annotated[File, value("FILE", "Recording to write during the session.")] = None,
+    web: Annotated[bool, flag("--web", "Serve a page that steers and shows the session.")] = False,
     port: Annotated[int, Option(min=0, max=65535, help="Port of the page; 0: a free one.")] = 0,
     effect: EffectFiles = None,
 ) -> None:
@@ -278,7 +271,7 @@ def recording_to_view(file: Path) -> Path:
 @app.command(**command_help("view", SIMULATE))
 def view(
     file: RecordingOrStudy,
-    web: Annotated[bool, Option("--web", help="Serve a page for a browser on this machine.")] = False,
+    web: Annotated[bool, flag("--web", "Serve a page for a browser on this machine.")] = False,
 ) -> None:
     """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
     if not web:
@@ -298,13 +291,9 @@ def view(
 @app.command(**command_help("snapshot", SIMULATE))
 def snapshot(
     file: RecordingOrStudy,
-    time: Annotated[
-        float | None, Option(metavar="T", help="Simulated time in seconds; default: the end.")
-    ] = None,
-    to: Annotated[
-        File, Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png.")
-    ] = None,
-    only: Annotated[Text, Option("--view", metavar="NAME", help="One view alone, such as Grains.")] = None,
+    time: Annotated[float | None, value("T", "Simulated time in seconds; default: the end.")] = None,
+    to: Annotated[File, value("PNG", "Picture file; default: FILE.snapshot.png.", "-o", "--output")] = None,
+    only: Annotated[Text, value("NAME", "One view alone, such as Grains.", "--view")] = None,
     force: Force = False,
 ) -> None:
     """Draw one moment of a run, or a study, without a screen."""
@@ -318,10 +307,10 @@ def snapshot(
 @app.command(**command_help("export", SIMULATE))
 def export(
     file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
-    vtk: Annotated[Path | None, Option(metavar="DIR", help="Folder for the VTK files.")] = None,
-    netcdf: Annotated[Path | None, Option(metavar="DIR", help="Folder for tables.")] = None,
-    chains: Annotated[Path | None, Option(metavar="PNG", help="Picture of force chains.")] = None,
-    time: Annotated[float | None, Option(metavar="T", help="Its time in seconds; default: the end.")] = None,
+    vtk: Annotated[File, value("DIR", "Folder for the VTK files.")] = None,
+    netcdf: Annotated[File, value("DIR", "Folder for tables.")] = None,
+    chains: Annotated[File, value("PNG", "Picture of force chains.")] = None,
+    time: Annotated[float | None, value("T", "Its time in seconds; default: the end.")] = None,
     force: Force = False,
 ) -> None:
     """Write grains, contacts and walls of a recording: for ParaView, as tables, as a picture."""
@@ -345,15 +334,12 @@ app.command(**command_help("audit", CHECK))(audit)
 @measure.command(**command_help("measure repose"))
 def repose(
     image: Annotated[Path, existing(metavar="IMAGE", help="Side view of a heap, PNG or JPEG.")],
-    crop: Annotated[Text, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
+    crop: Annotated[Text, value("X0,Y0,X1,Y1", "Part of the picture, in pixels.")] = None,
     background: Annotated[
         Literal["auto", "dark", "light"] | None, Option(help="Brightness behind the heap.")
     ] = None,
     to: Annotated[
-        File,
-        Option(
-            "-o", "--output", metavar="PNG", help="Picture of the detection; default: IMAGE.detected.png."
-        ),
+        File, value("PNG", "Picture of the detection; default: IMAGE.detected.png.", "-o", "--output")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -381,12 +367,10 @@ def repose(
 @measure.command(**command_help("measure profile"))
 def profile(
     table: Annotated[Path, existing(metavar="TABLE", help="Heights of heaps along a radius or a line.")],
-    place: Annotated[Text, Option(metavar="HEADING", help="Column of the radius, or along the line.")] = None,
-    height: Annotated[Text, Option(metavar="HEADING", help="Column of heights above the plate.")] = None,
-    diameter: Annotated[
-        Text, Option(metavar="LENGTH", help="Of the grains; their last layer is no flank.")
-    ] = None,
-    to: Annotated[File, Option("-o", "--output", metavar="CSV", help="Default: TABLE_heaps.csv.")] = None,
+    place: Annotated[Text, value("HEADING", "Column of the radius, or along the line.")] = None,
+    height: Annotated[Text, value("HEADING", "Column of heights above the plate.")] = None,
+    diameter: Annotated[Text, value("LENGTH", "Of the grains; their last layer is no flank.")] = None,
+    to: Annotated[File, value("CSV", "Default: TABLE_heaps.csv.", "-o", "--output")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -417,7 +401,7 @@ def import_source_module(name: str) -> ModuleType | None:
 @app.command(**command_help("verify", CHECK))
 def verify(
     ids: Annotated[list[str] | None, Argument(metavar="ID", help="Claims such as V02; default: all.")] = None,
-    strict: Annotated[bool, Option("--strict", help="Exit code 1 for known failures too.")] = False,
+    strict: Annotated[bool, flag("--strict", "Exit code 1 for known failures too.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
@@ -441,11 +425,9 @@ def verify(
 @app.command(**command_help("bench", CHECK))
 def bench(
     arch: Annotated[Literal["cpu", "cuda"] | None, Option(help="Device; default: cpu.")] = None,
-    large: Annotated[
-        bool, Option("--large", help="Also what fills a graphics processor; not for a CPU.")
-    ] = False,
+    large: Annotated[bool, flag("--large", "Also what fills a graphics processor; not for a CPU.")] = False,
     quick: Annotated[
-        bool, Option("--quick", help="Small cases, for a first try of a device; not for a CPU.")
+        bool, flag("--quick", "Small cases, for a first try of a device; not for a CPU.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -463,13 +445,9 @@ def bench(
 
 @app.command(**command_help("schema", CHECK))
 def schema(
-    to: Annotated[
-        File, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
-    ] = None,
-    study: Annotated[bool, Option("--study", help="Of study files; default: doe/study.schema.json.")] = False,
-    entry: Annotated[
-        Text, Option(metavar="PATH", help="Print an entry or a section of scene files instead.")
-    ] = None,
+    to: Annotated[File, value("FILE", "Default: scenes/scene.schema.json.", "-o", "--output")] = None,
+    study: Annotated[bool, flag("--study", "Of study files; default: doe/study.schema.json.")] = False,
+    entry: Annotated[Text, value("PATH", "Print an entry or a section of scene files instead.")] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""
     from taichi_erosion.campaign.study_file import write_study_schema

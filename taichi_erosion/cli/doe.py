@@ -147,9 +147,8 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
     ) -> None:
         options = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
         entries = {name: value for name, value in options.items() if value is not None}
-        calibration = run_and_print_steps(
-            "confirm" if step == "calibrate" else step, study, entries, as_json, force, show
-        )
+        until = "confirm" if step == "calibrate" else step
+        calibration = run_and_print_steps(until, study, entries, as_json, force, show)
         if step != "calibrate":
             return
         from taichi_erosion.report.calibration_page import write_page_and_pictures

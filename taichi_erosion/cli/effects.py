@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader
 from typer import Argument, Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, File, command_help
+from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, File, command_help, flag, value
 from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
 from taichi_erosion.evidence.words import shell_command
 
@@ -56,10 +56,10 @@ def effects(
     effect: EffectFiles = None,
     discovery: Annotated[
         File,
-        Option(
+        value(
+            "STUDY",
+            "Start the file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
             "--from-discovery",
-            metavar="STUDY",
-            help="Start the file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
         ),
     ] = None,
     place: Annotated[
@@ -67,10 +67,10 @@ def effects(
         Option(help="Where the new effect acts; default: pair, a force between two grains."),
     ] = None,
     with_memory: Annotated[
-        bool, Option("--with-memory", help="Start the new file from an effect with state per grain.")
+        bool, flag("--with-memory", "Start the new file from an effect with state per grain.")
     ] = False,
     mechanisms: Annotated[
-        bool, Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
+        bool, flag("--mechanisms", "Mechanisms in place of effects: where something can be missing.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

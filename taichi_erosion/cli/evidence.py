@@ -24,6 +24,8 @@ from taichi_erosion.cli.options import (
     Verbose,
     Whole,
     command_help,
+    flag,
+    value,
 )
 from taichi_erosion.cli.progress import KEPT, announce, progress_report
 from taichi_erosion.core.errors import BadInput
@@ -46,9 +48,9 @@ StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML
 def study_options(
     budget: Annotated[
         Text,
-        Option(
-            metavar="quick|full|RUNS",
-            help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most "
+        value(
+            "quick|full|RUNS",
+            "quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most "
             "so many runs. One run is one set-up, simulated with one seed.",
         ),
     ] = None,
@@ -60,7 +62,7 @@ def study_options(
     ] = None,
     effect: EffectFiles = None,
     force: Annotated[
-        bool, Option("--force", help="Go on with an error in the set-up; replace files of others.")
+        bool, flag("--force", "Go on with an error in the set-up; replace files of others.")
     ] = False,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
@@ -80,10 +82,8 @@ def with_study_options(command: Command) -> Command:
         options = {name: words.pop(name) for name in shared}
         command(options=study_options(**options), **words)
 
-    every = [
-        each.replace(kind=Parameter.KEYWORD_ONLY)
-        for each in (*own_parameters[:-1], *shared.values(), own_parameters[-1])
-    ]
+    joined = (*own_parameters[:-1], *shared.values(), own_parameters[-1])
+    every = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in joined]
     wrapper.__signature__ = Signature(every)  # type: ignore[attr-defined]
     wrapper.__annotations__ = {each.name: each.annotation for each in every}
     return wrapper
@@ -146,17 +146,15 @@ def predict(
     study: StudyFile,
     at: Annotated[
         Path,
-        Option(
-            metavar="TABLE",
-            help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
+        value(
+            "TABLE",
+            "New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
             "a unit is in that of the study's table. A column 'observable' says what is wanted.",
         ),
     ],
     options: "StudyOptions",
-    out: Annotated[File, Option(metavar="FILE", help="Table to write (CSV).")] = None,
-    bare: Annotated[
-        bool, Option("--bare", help="The model of STUDY itself, adopted effects left out.")
-    ] = False,
+    out: Annotated[File, value("FILE", "Table to write (CSV).")] = None,
+    bare: Annotated[bool, flag("--bare", "The model of STUDY itself, adopted effects left out.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
@@ -168,10 +166,9 @@ def predict(
         raise BadInput(f"--out {one_line_name(out)}: exists, and holds no predictions; name another file")
     with progress_report("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
+    fault = reply.about["set_up"]
     output.print_result(
-        reply.document,
-        as_json,
-        lambda _: output.print_fault_and_answer(reply.about["set_up"], reply.answer()),
+        reply.document, as_json, lambda _: output.print_fault_and_answer(fault, reply.answer())
     )
     if out:
         table = prediction_table(reply).to_csv(index=False, float_format="%.6g", lineterminator="\n")
@@ -184,7 +181,7 @@ def report(
     source: Annotated[
         Path, Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
     ],
-    to: Annotated[File, Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")] = None,
+    to: Annotated[File, value("FILE", "Page to write.", "-o", "--output", "--out")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -200,58 +197,47 @@ def report(
 @study_commands.command("new", **command_help("study new"))
 def new(
     table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
-    out: Annotated[
-        File, Option(metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
-    ] = None,
-    yes: Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")] = False,
-    observable: Annotated[
-        Pairs, Option(metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
-    ] = None,
+    out: Annotated[File, value("FOLDER", "Folder to write; default: beside TABLE, its name.")] = None,
+    yes: Annotated[bool, flag("--yes", "Take every guess; ask nothing.")] = False,
+    observable: Annotated[Pairs, value("COLUMN=NAME", "What a column measures; may be repeated.")] = None,
     condition: Annotated[
         Pairs,
-        Option(
-            metavar="COLUMN=PATH|UNIT",
-            help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
+        value(
+            "COLUMN=PATH|UNIT",
+            "Place that a column sets; or the unit of a condition of your own. May be repeated.",
         ),
     ] = None,
-    unit: Annotated[Pairs, Option(metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")] = None,
+    unit: Annotated[Pairs, value("COLUMN=UNIT", "Unit of a column; may be repeated.")] = None,
     roughness: Annotated[
-        Text, Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height.")
+        Text, value("LENGTH", "Roughness length of the bed under winds measured at a height.")
     ] = None,
     apparatus: Annotated[
-        Text, Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation.")
+        Text, value("NAME", "cylinder, collapse, funnel, drum, threshold, impact or saltation.")
     ] = None,
-    diameter: Annotated[
-        Text, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
-    ] = None,
-    density: Annotated[Text, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")] = None,
+    diameter: Annotated[Text, value("LENGTH", "Grain diameter where no column states it: '0.4 mm'.")] = None,
+    density: Annotated[Text, value("DENSITY", "Density of the grains: '2650 kg/m3'.")] = None,
     grains: Annotated[
         Whole, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
     ] = None,
-    scene: Annotated[File, Option(metavar="FILE", help="Scene of your own, in place of a ready one.")] = None,
+    scene: Annotated[File, value("FILE", "Scene of your own, in place of a ready one.")] = None,
     sd: Annotated[
         Pairs,
-        Option(
-            metavar="COLUMN=SD",
-            help="Scatter of single measurements where no column states it: 'angle=0.8 deg', 'flux=8 %'.",
+        value(
+            "COLUMN=SD",
+            "Scatter of single measurements where no column states it: 'angle=0.8 deg', 'flux=8 %'.",
         ),
     ] = None,
-    between_codes: Annotated[
-        Pairs, Option(metavar="NAME=SD", help="Error of a level: 'radius_90=5 %'.")
-    ] = None,
-    measured: Annotated[
-        Pairs, Option(metavar="NUMBER=VALUE", help="'sliding_friction=0.5 ± 0.05', of grains.")
-    ] = None,
+    between_codes: Annotated[Pairs, value("NAME=SD", "Error of a level: 'radius_90=5 %'.")] = None,
+    measured: Annotated[Pairs, value("NUMBER=VALUE", "'sliding_friction=0.5 ± 0.05', of grains.")] = None,
     fill_down: Annotated[
-        bool, Option("--fill-down", help="A blank cell of a condition repeats the one above it.")
+        bool, flag("--fill-down", "A blank cell of a condition repeats the one above it.")
     ] = False,
     effect: EffectFiles = None,
     closed_form: Annotated[
-        bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+        bool, flag("--closed-form", "A formula answers in place of simulations: seconds, not hours.")
     ] = False,
     anew: Annotated[
-        bool,
-        Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+        bool, flag("--anew", "Write a study that is there anew; changes in it are lost, its vault stays.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -259,11 +245,10 @@ def new(
     from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
     from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 
-    table_options = TableOptions(
-        pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit")
-    )
+    of_columns = pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit")
     more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
     grain_options = diameter, density, grains, scene, tuple(effect or ()), pairs(sd, "--sd"), fill_down, *more
+    table_options = TableOptions(*of_columns)
     wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *grain_options)
     answer = (lambda _, guess: guess) if yes or as_json else ask_user
     document = write_new_study(table, wishes, answer, sys.stdin.isatty())

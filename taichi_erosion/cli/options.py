@@ -5,18 +5,27 @@ from typing import Annotated, Any, Literal
 
 from typer import Option
 
+
+def flag(name: str, meaning: str) -> Any:
+    """An option without a value; its default is False."""
+    return Option(name, help=meaning)
+
+
+def value(kind: str, meaning: str, *names: str, **limits: Any) -> Any:
+    """An option with a value, whose kind stands in the help; without names it is called as its parameter."""
+    return Option(*names, metavar=kind, help=meaning, **limits)
+
+
 File, Text, Whole = Path | None, str | None, int | None  # None where nothing is typed
-AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
+AsJson = Annotated[bool, flag("--json", "Print one JSON document and nothing else.")]
 EffectFiles = Annotated[
-    list[Path] | None,
-    Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+    list[Path] | None, value("FILE", "Python file with an effect of your own; may be repeated.", "--effect")
 ]
 MeasureFiles = Annotated[
-    list[Path] | None,
-    Option("--measure", metavar="FILE", help="Python file with a measure of your own; may be repeated."),
+    list[Path] | None, value("FILE", "Python file with a measure of your own; may be repeated.", "--measure")
 ]
-Force = Annotated[bool, Option("--force", help="Replace files of this name that this command did not write.")]
-Verbose = Annotated[bool, Option("--verbose", help="Print notes, numbers and cost too.")]
+Force = Annotated[bool, flag("--force", "Replace files of this name that this command did not write.")]
+Verbose = Annotated[bool, flag("--verbose", "Print notes, numbers and cost too.")]
 Arch = Annotated[
     Literal["auto", "cpu", "cuda"] | None,
     Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),

@@ -164,16 +164,15 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     from taichi_erosion.evidence.words.vocabulary import interval
 
     about, record = reply.about, reply.record
-    limits = (
-        (name, *(f"{x:.3g}".replace("inf", "no limit") for x in ends), f"{part.absorption:.0%}")
-        for name, part in record.effects.items()
-        for ends in [(part.limit, part.unseen_below)]
-    )
+    limits = []
+    for name, part in record.effects.items():
+        ends = (f"{x:.3g}".replace("inf", "no limit") for x in (part.limit, part.unseen_below))
+        limits.append((name, *ends, f"{part.absorption:.0%}"))
     numbers = (
         (path, plain(part.start), interval(part.before, 3), interval(part, 3), f"{part.prior_share:.0%}")
         for path, part in record.parameters.items()
     )
-    if record.effects:
+    if limits:
         print_table("limits of the strengths", LIMITS, limits)
     if (stable := sensitivity_table(record)) is not None:
         print_table(stable.title, stable.columns, stable.rows)

@@ -9,7 +9,7 @@ import typer
 from typer import Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import SIMULATE, AsJson, Force, Text, command_help
+from taichi_erosion.cli.options import SIMULATE, AsJson, File, Force, Text, command_help, flag, value
 from taichi_erosion.cli.progress import announce, progress_report
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
@@ -20,19 +20,18 @@ Precise = Literal["fluid_threshold", "impact_threshold", "threshold_ratio", "thr
 
 @app.command("wind", **command_help("wind", SIMULATE))
 def survey_wind(
-    sand: Annotated[str, Option(metavar="DIAMETER", help="Diameter of the grains, such as 0.18mm.")],
+    sand: Annotated[str, value("DIAMETER", "Diameter of the grains, such as 0.18mm.")],
     wind: Annotated[
-        str | None,
-        Option(metavar="U*,...", help="Friction velocities in m/s; default: of the table, or three."),
+        Text, value("U*,...", "Friction velocities in m/s; default: of the table, or three.")
     ] = None,
     moisture: Annotated[str, Option(help="Mass of water over that of solid, such as 1%.")] = "0%",
     density: Annotated[str, Option(help="Density of the grains.")] = "2650kg/m3",
-    table: Annotated[Path | None, Option(metavar="FILE", help="Measured fluxes by u*.", exists=True)] = None,
+    table: Annotated[File, value("FILE", "Measured fluxes by u*.", exists=True)] = None,
     beds: Annotated[int, Option(min=1, max=1000, help="Beds, each packed anew.")] = 3,
-    precision: Annotated[Text, Option(metavar="SHARE", help="Add beds until --of is known to 5%.")] = None,
+    precision: Annotated[Text, value("SHARE", "Add beds until --of is known to 5%.")] = None,
     of: Annotated[Precise, Option(help="What is to be known; its 95 % interval counts.")] = "fluid_threshold",
-    out: Annotated[Path | None, Option(metavar="FOLDER", help="Default: wind-DIAMETER.")] = None,
-    formulas: Annotated[bool, Option("--formulas", help="Print the formulas; simulate nothing.")] = False,
+    out: Annotated[File, value("FOLDER", "Default: wind-DIAMETER.")] = None,
+    formulas: Annotated[bool, flag("--formulas", "Print the formulas; simulate nothing.")] = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:

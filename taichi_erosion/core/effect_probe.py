@@ -207,11 +207,9 @@ def evaluate_on_bench(effect: Effect, effects: DeviceEffects, bench: Bench) -> A
         evaluate_bench_pair(effects, bench.pair, bench.scalar, bench.force)
     else:
         evaluate_bench_contact(effects, bench.first_contact, bench.scalar)
-    return (
-        download_field(bench.force)[0].astype(np.float64)
-        if effect.vector
-        else float(download_field(bench.scalar)[0])
-    )
+    if effect.vector:
+        return download_field(bench.force)[0].astype(np.float64)
+    return float(download_field(bench.scalar)[0])
 
 
 def falsify_parameter(probe: Probe, name: str, factor: float) -> Probe:

@@ -20,7 +20,7 @@ Reference: Zeng, Najjar, Balachandar & Fischer (2009), Phys. Fluids 21, 033302; 
 Sci. 23, 1293; Goldman, Cox & Brenner (1967), Chem. Eng. Sci. 22, 653.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import exp, pi
 
 from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
@@ -37,13 +37,7 @@ class Params:
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica."""
-    return {
-        "strength": strength,
-        "near": params.near,
-        "far": params.far,
-        "inertia": params.inertia,
-        "steepening": params.steepening,
-    }
+    return {"strength": strength, **asdict(params)}
 
 
 @ti.func
@@ -92,9 +86,8 @@ def checks(probe: Probe) -> Checks:
     yield Check("at Re = 200", added_drag(1e-4, 15.0), law(0.0, 200.0))
     yield Check("far away it is that of a free grain", added_drag(0.1, 1.5), law(499.5, 20.0), rtol=1e-3)
     yield Check("strength multiplies what is added", added_drag(1e-4, 1.5, 0.5), 0.5 * law(0.0, 20.0))
-    yield Check(
-        "a grain at the surface of the bed has that of one on it", added_drag(-1e-4, 1.5), law(0.0, 20.0)
-    )
+    at_surface = added_drag(-1e-4, 1.5)
+    yield Check("a grain at the surface of the bed has that of one on it", at_surface, law(0.0, 20.0))
     yield Check("a diameter deeper it has none", added_drag(-3e-4, 1.5), 0.0)
 
 

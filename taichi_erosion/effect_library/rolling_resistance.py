@@ -24,6 +24,7 @@ import numpy as np
 from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_contacts, with_section
+from taichi_erosion.scene.schema.grains import Contact
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,12 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     bare = scene.laws.rolling == "none"
     with_law = with_section(scene, "laws", rolling="elastic_plastic") if bare else scene
     share = 0.0 if bare else 1.0
-    return with_contacts(
-        with_law,
-        lambda contact: contact.model_copy(
-            update={
-                "friction_rolling": share * contact.friction_rolling + friction / contact.rolling_radius_ratio
-            }
-        ),
-    )
+
+    def stiffer(contact: Contact) -> Contact:
+        after = share * contact.friction_rolling + friction / contact.rolling_radius_ratio
+        return contact.model_copy(update={"friction_rolling": after})
+
+    return with_contacts(with_law, stiffer)
 
 
 def can_act(conditions: Mapping[str, Any]) -> Any:

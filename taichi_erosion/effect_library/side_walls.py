@@ -50,14 +50,10 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         name: Plane(shape="plane", material=PANE, point=(0.0, -face * half, 0.0), normal=(0.0, face, 0.0))
         for name, face in SIDES.items()
     }
-    return scene.model_copy(
-        update={
-            "materials": scene.materials | {PANE: scene.materials[grain]},
-            "contact": scene.contact
-            | {f"{grain}-{PANE}": contact.model_copy(update={"friction_sliding": friction})},
-            "geometry": scene.geometry | walls,
-        }
-    )
+    rubbing = {f"{grain}-{PANE}": contact.model_copy(update={"friction_sliding": friction})}
+    materials = scene.materials | {PANE: scene.materials[grain]}
+    added = {"materials": materials, "contact": scene.contact | rubbing, "geometry": scene.geometry | walls}
+    return scene.model_copy(update=added)
 
 
 def checks(probe: Probe) -> Checks:

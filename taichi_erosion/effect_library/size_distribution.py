@@ -79,9 +79,8 @@ def checks(probe: Probe) -> Checks:
     yield Check("the finest two deviations down", size.rows[0][0], 1e-3 * finest, rtol=1e-4)
     volume = changed_scene().grains.count * mean_cubed_diameter(size)
     yield Check("the mass of all grains stays", volume, 50000 * 1e-9, rtol=1e-4)
-    yield Check(
-        "the time step shrinks with the finest", changed_scene().run.time_step, 1e-6 * finest, rtol=1e-4
-    )
+    step = changed_scene().run.time_step
+    yield Check("the time step shrinks with the finest", step, 1e-6 * finest, rtol=1e-4)
 
 
 EFFECT = effect_of(

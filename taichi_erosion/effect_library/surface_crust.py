@@ -53,13 +53,9 @@ class State:
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
     """Numbers of one replica."""
-    return {
-        "stress": strength * params.tensile_strength * pi * params.neck**2,  # full force over R^2 [Pa]
-        "strain": params.strain,
-        "rupture": params.rupture,
-        "setting": params.setting,
-        "still": params.still,
-    }
+    stress = strength * params.tensile_strength * pi * params.neck**2  # full force over R^2 [Pa]
+    others = {name: getattr(params, name) for name in ("strain", "rupture", "setting", "still")}
+    return {"stress": stress} | others
 
 
 @ti.func

@@ -113,13 +113,10 @@ def advance_air_to_end(
 def air_run_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
     """The result document of a scene of air alone."""
     scene = run.scene
-    measured = [
-        {
-            name: AIR_OBSERVABLES[name](AirMeasureInput(frames, request.place, scene.air.karman))
-            for name, request in scene.measure.items()
-        }
-        for frames in run.frames
-    ]
+    measured = []
+    for frames in run.frames:
+        inputs = {n: AirMeasureInput(frames, m.place, scene.air.karman) for n, m in scene.measure.items()}
+        measured.append({name: AIR_OBSERVABLES[name](each) for name, each in inputs.items()})
     cells = run.air.cells[0] * run.air.cells[1] * run.air.cells[2]
     replicas = [
         {

@@ -53,11 +53,8 @@ def open_recorder(path: Path, title: str, text: str, sim: Simulation, scene: Sce
     """Begin the recording of a replica; `text` is the scene as it is run. Raises BadInput."""
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
-    header = stream.RunHeader(
-        *(title, scene.scene.kind or "own", text, setup.grains.radius, walls),
-        contacts=scene.record.contacts,
-        fields=scene.record.fields,
-    )
+    kept = {"contacts": scene.record.contacts, "fields": scene.record.fields}
+    header = stream.RunHeader(title, scene.scene.kind or "own", text, setup.grains.radius, walls, **kept)
     recording = stream.open_recording(path, header)
     stream.log_colour_legend(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
@@ -85,11 +82,8 @@ def corners_of_apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
     table = setup.primitives
     nowhere = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    walls = [
-        triangulate(PrimitiveKind(kind), row, nowhere)[0]
-        for kind, row in zip(table.kind, table.shape, strict=True)
-        if kind != PrimitiveKind.PLANE
-    ]
+    rows = zip(map(PrimitiveKind, table.kind), table.shape, strict=True)
+    walls = [triangulate(kind, row, nowhere)[0] for kind, row in rows if kind != PrimitiveKind.PLANE]
     corners = np.concatenate([setup.grains.position, *walls])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = OPEN_MARGIN * float((high - low).max()) + float(setup.grains.radius.max())
@@ -151,11 +145,9 @@ def log_present_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snap
         air = simulation.air_profile(sim, recorder.replica)
         log_height_profile(recorder.recording, air.velocity[:, 0], air.face)
         patch = wind_patch_of_scene(scene)
-        values = {
-            "flux": flux_of_frame(now, patch),
-            "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
-            "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
-        }
+        flying = float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1)
+        values = {"flux": flux_of_frame(now, patch), "flying": flying}
+        values["friction_velocity"] = simulation.friction_velocity(sim, recorder.replica)
         stream.log_curve_values(recorder.recording, "transport", values)
     return now
 
@@ -179,11 +171,8 @@ def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) ->
     if not any(wall.moving for wall in walls):
         return walls
     poses = simulation.wall_poses(sim, replica)
-    return tuple(
-        replace(wall, vertices=wall.vertices @ poses[wall.name].rotation.T + poses[wall.name].translation)
-        for wall in walls
-        if poses[wall.name].present
-    )
+    standing = [(wall, poses[wall.name]) for wall in walls if poses[wall.name].present]
+    return tuple(replace(w, vertices=w.vertices @ at.rotation.T + at.translation) for w, at in standing)
 
 
 def finish_recording(

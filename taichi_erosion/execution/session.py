@@ -30,18 +30,11 @@ from taichi_erosion.core.files import mark_png, mark_toml, refuse_foreign_file, 
 from taichi_erosion.core.setup import GrainTable, Numerics
 from taichi_erosion.execution import checks
 from taichi_erosion.execution import recorder as recorders
+from taichi_erosion.execution import stages as staging
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, advance_to_next_check, failure_message
 from taichi_erosion.execution.observables import measure_observable
 from taichi_erosion.execution.result import apply_instruments
 from taichi_erosion.execution.scene_run import scene_text_with_overrides
-from taichi_erosion.execution.stages import (
-    ReplicaState,
-    begin_stage,
-    count_whole_intervals,
-    is_at_rest,
-    measure_inputs_of_replica,
-    steady_transport_window,
-)
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import film_frame, png_bytes
@@ -92,7 +85,7 @@ class Session:
         return self.ensemble.sim
 
     @property
-    def state(self) -> ReplicaState:
+    def state(self) -> staging.ReplicaState:
         """Progress of the replica through its stages."""
         return self.ensemble.states[0]
 
@@ -116,7 +109,7 @@ def open_session(
     library = checks.library_of(scene)
     chosen = scene.run.seed if seed is None else seed
     ensemble = build_ensemble(scene, chosen, library)
-    begin_stage(ensemble.sim, ensemble.scenes[0], 0, ensemble.states[0], 0.0)
+    staging.begin_stage(ensemble.sim, ensemble.scenes[0], 0, ensemble.states[0], 0.0)
     return Session(Path(path), scene, overrides, chosen, library, ensemble, effect_files=files)
 
 
@@ -127,7 +120,7 @@ def build_ensemble(
     numerics = Numerics(precision=scene.run.precision)
     effective, setup = simulation.effective_scene(scene, library), simulation.prepare(scene, seed, library)
     sim = simulation.assemble([replace(setup, grains=grains or setup.grains)], laws(effective), numerics)
-    return EnsembleRun([effective], sim, [ReplicaState(seed)], holds=True)
+    return EnsembleRun([effective], sim, [staging.ReplicaState(seed)], holds=True)
 
 
 def begin_next_stage(session: Session) -> str:
@@ -135,7 +128,7 @@ def begin_next_stage(session: Session) -> str:
     stages = session.scene.stages
     if session.state.stage + 1 == len(stages):
         raise BadInput(f"stage '{stages[-1].name}' is the last one")
-    begin_stage(session.sim, session.ensemble.scenes[0], 0, session.state, session.time)
+    staging.begin_stage(session.sim, session.ensemble.scenes[0], 0, session.state, session.time)
     session.history.append("stage")
     return stages[session.state.stage].name
 
@@ -191,7 +184,8 @@ def run_until_rest(session: Session) -> bool:
 def is_session_at_rest(session: Session) -> bool:
     """Whether the stage's criterion of rest holds now."""
     stage, kinetic = session.scene.stages[session.state.stage], simulation.energy_sums(session.sim)[0, 0]
-    return is_at_rest(session.sim, 0, stage, (float(kinetic), float(session.ensemble.lifting_energies[0])))
+    energies = float(kinetic), float(session.ensemble.lifting_energies[0])
+    return staging.is_at_rest(session.sim, 0, stage, energies)
 
 
 def change_entry(session: Session, path: str, value: str) -> str:
@@ -298,10 +292,10 @@ def replace_simulation(session: Session, sim: Simulation, state: dict[str, Any],
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables of the scene in the present state, of the frames of its stage where there are any."""
     scene, state = session.scene, session.state
-    window = steady_transport_window(scene, state.stage, [state])
+    window = staging.steady_transport_window(scene, state.stage, [state])
     if not state.frames:
         state = replace(state, frames=[simulation.snapshot(session.sim, 0)], tilts=[0.0])
-    inputs = measure_inputs_of_replica(session.sim, scene, 0, state, window)
+    inputs = staging.measure_inputs_of_replica(session.sim, scene, 0, state, window)
     measurements = {name: measure_observable(name, inputs(name)) for name in scene.measure}
     return apply_instruments(measurements, scene, session.library)
 
@@ -453,7 +447,7 @@ def unused_path(path: Path) -> Path:
 
 def log_session_frame(recorder: recorders.Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
-    now = count_whole_intervals(session.time, recorder.interval) + 1
+    now = staging.count_whole_intervals(session.time, recorder.interval) + 1
     recorder.is_rewritten |= now < recorder.frames
     if now != recorder.frames:
         recorders.log_present_frame(recorder, session.sim, session.scene)

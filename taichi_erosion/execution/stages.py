@@ -133,10 +133,8 @@ def store_frame_if_due(sim: Simulation, scene: Scene, replica: int, state: Repli
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))
         if set(OF_WALLS) & set(observables_of_stage(scene, state.stage)):
-            loads, poses = (
-                forces_and_torques_on_walls(simulation.contact_network(sim, replica)),
-                simulation.wall_poses(sim, replica),
-            )
+            loads = forces_and_torques_on_walls(simulation.contact_network(sim, replica))
+            poses = simulation.wall_poses(sim, replica)
             state.loads.append(np.hstack([loads, [pose.translation for pose in poses.values()]]))
 
 

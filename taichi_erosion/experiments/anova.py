@@ -126,9 +126,8 @@ def eliminate_terms(fit: Fit) -> Fit:
     while True:
         parent_terms = set[Term]().union(*(lower_order_terms(term) for term in fit.terms))
         p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
-        removable = [
-            (float(value), term) for value, term in zip(p, fit.terms, strict=True) if term not in parent_terms
-        ]
+        pairs = zip(p.tolist(), fit.terms, strict=True)
+        removable = (pair for pair in pairs if pair[1] not in parent_terms)
         worst, leaving = max(removable, key=lambda pair: pair[0], default=(0.0, ()))
         if not worst > STAY:
             return fit

@@ -278,9 +278,8 @@ def allow_rounding(
         values, coded = fit.values + shift[:, 0], fit.coded + shift[:, 1:]
         draws.append(numbers_of(replace(fit, values=values, coded=coded)))
     reach = [SIGMAS * float(np.std([draw[c.source, c.quantity] for draw in draws])) for c in comparisons]
-    rounded = [
-        replace(c, reach=far if np.isfinite(far) else 0.0) for c, far in zip(comparisons, reach, strict=True)
-    ]
+    pairs = zip(comparisons, reach, strict=True)
+    rounded = [replace(c, reach=far if np.isfinite(far) else 0.0) for c, far in pairs]
     lines = {c.source for c, exact in zip(rounded, comparisons, strict=True) if c.agrees > exact.agrees}
     # a misprint is in one line, digits that the table lacks are missing in all
     return rounded if len(lines) > 1 or half[:, 1:].any() else comparisons
@@ -401,6 +400,7 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
 def audit_document(result: Audit) -> dict[str, Any]:
     """The audit as one JSON document."""
     table, structure, fit = result.table, result.structure, result.fit
+    agree = sum(comparison.agrees for comparison in result.comparisons)
     cells = [
         {"row": f.row, "column": f.column, "printed": float(f.printed), "restored_by": f.found}
         for f in result.findings
@@ -425,9 +425,6 @@ def audit_document(result: Audit) -> dict[str, Any]:
             "coefficients": models.coefficient_table(fit).to_dict("records"),
             "quality": asdict(figures_of_merit(fit)),
         },
-        "printed_numbers": {
-            "compared": len(result.comparisons),
-            "agree": sum(comparison.agrees for comparison in result.comparisons),
-        },
+        "printed_numbers": {"compared": len(result.comparisons), "agree": agree},
         "findings": [asdict(finding) for finding in result.findings],
     }

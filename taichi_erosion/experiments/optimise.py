@@ -115,10 +115,8 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
         least = abs(goal.target) * np.finfo(float).eps  # where the response is the same everywhere
         limited.append(replace(goal, low=low, high=max(high, low + least)))
     optima = local_optima(models, limited)
-    is_met = all(
-        abs(goal_desirability(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
-        for goal, fit in zip(limited, models, strict=True)
-    )
+    shares = goal_shares(models, limited, optima[0].coded[None, :])
+    is_met = bool(np.all(np.abs(shares - 1.0) < MET))
     return Optimisation(tuple(optima), reach, is_met, tuple(optimum_cautions(limited, optima, reach, is_met)))
 
 

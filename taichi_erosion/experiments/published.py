@@ -195,9 +195,8 @@ def read_sheet(path: Path) -> Sheet:
     if faults or not cells.rows:
         raise BadInput(faults[0] if faults else f"{path}: holds no table")
     names = [f"{n} ({k + 1})" if n in cells.heading[:k] else n for k, n in enumerate(cells.heading)]
-    return Sheet(
-        path, {name: [row[k] for _, row in cells.lines] for k, name in enumerate(names)}, cells.decimal_comma
-    )
+    columns = {name: [row[k] for _, row in cells.lines] for k, name in enumerate(names)}
+    return Sheet(path, columns, cells.decimal_comma)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,9 +98,8 @@ def pile_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
 
 def centroid_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean height of all grain centres [m]: the observable with the best signal-to-noise ratio."""
-    return single_value(
-        "centroid_height", "m", snapshot, lambda s: float(s.position[:, 2].mean()) - base_height
-    )
+    name = "centroid_height"
+    return single_value(name, "m", snapshot, lambda s: float(s.position[:, 2].mean()) - base_height)
 
 
 def radius_90(snapshot: Snapshot) -> Measurement:
@@ -334,9 +333,8 @@ def cone_angle(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     if ring.size < SHORTEST_FLANK:
         return no_measurement(name, "deg", "no flank of three rings")
     radius = (ring.astype(float) + 0.5) * grain
-    fit = silhouette.fit_polynomial(
-        radius, flank[ring], 1, weight=sector_count_of_rings(flank.size)[ring].astype(float)
-    )
+    sectors = sector_count_of_rings(flank.size)[ring].astype(float)
+    fit = silhouette.fit_polynomial(radius, flank[ring], 1, weight=sectors)
     slope = float(fit.coefficients[1])
     error = degrees(float(fit.errors[1]) / (1.0 + slope**2))
     details = {"apex": float(fit.coefficients[0]), "residual": fit.residual / grain, "rings": int(ring.size)}

@@ -217,9 +217,8 @@ def check_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
     if not (0 <= left < right <= columns and 0 <= top < bottom <= rows):
         raise BadInput(f"{path}: crop {left},{top},{right},{bottom} is not a box within 0,0,{columns},{rows}")
     if min(right - left, bottom - top) < SMALLEST_SIDE:
-        raise BadInput(
-            f"{path}: {right - left} x {bottom - top} pixels to look at; at least {SMALLEST_SIDE} each way"
-        )
+        size = f"{right - left} x {bottom - top} pixels"
+        raise BadInput(f"{path}: {size} to look at; at least {SMALLEST_SIDE} each way")
     return left, top, right, bottom
 
 

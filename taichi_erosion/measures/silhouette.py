@@ -149,11 +149,10 @@ def fit_flanks(outline: Outline, grain: float, least_length: float) -> tuple[Fla
     x, z = outline.position, outline.height
     sides = (-x[left][::-1], z[left][::-1]), (x[right], z[right])
     least = max(4, round(least_length / outline.pixel))
-    chosen = [flank_columns(distance, height, window, bridge) for distance, height in sides]
-    flanks = [
-        fit_flank(distance[columns], height[columns]) if columns.sum() >= least else None
-        for (distance, height), columns in zip(sides, chosen, strict=True)
-    ]
+    flanks = []
+    for distance, height in sides:
+        columns = flank_columns(distance, height, window, bridge)
+        flanks.append(fit_flank(distance[columns], height[columns]) if columns.sum() >= least else None)
     return flanks[0], flanks[1]
 
 

@@ -83,13 +83,11 @@ def grain_flights(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity:
 
 
 def flight_between(grain: int, ends: tuple[Snapshot, Snapshot], patch: Patch, gravity: float) -> Flight:
-    speeds = [
-        (
-            float(frame.velocity[grain, 0]),
-            sqrt(frame.velocity[grain, 2] ** 2 + 2.0 * gravity * (frame.position[grain, 2] - patch.clear)),
-        )
-        for frame in ends
-    ]
+    speeds = []
+    for frame in ends:
+        above = frame.position[grain, 2] - patch.clear
+        upwards = sqrt(frame.velocity[grain, 2] ** 2 + 2.0 * gravity * above)
+        speeds.append((float(frame.velocity[grain, 0]), upwards))
     return Flight(ends[0].time, ends[1].time, *speeds)
 
 

@@ -70,11 +70,8 @@ def median_nonzero_size(column: Floats) -> float:
 def allowed_forms(conditions: Conditions) -> Iterator[Form]:
     """All forms that the conditions of some rows allow."""
     yield Form("constant", (), lambda at, _: np.ones(next(iter(at.values())).size), "{a}")
-    varied = {
-        name: column
-        for name, column in conditions.items()
-        if np.all(np.isfinite(column)) and np.ptp(column) > 1e-9 * np.abs(column).max()
-    }
+    finite = {name: column for name, column in conditions.items() if np.all(np.isfinite(column))}
+    varied = {name: c for name, c in finite.items() if np.ptp(c) > 1e-9 * np.abs(c).max()}
     positive = {name: column for name, column in varied.items() if column.min() >= 0.0}
     sizes = [next((c for c in names if c in positive and positive[c].min() > 0.0), "") for names in SIZES]
     for title, powers in GROUPS.items():

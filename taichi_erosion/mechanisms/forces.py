@@ -160,19 +160,13 @@ def dose_constant_members(name: str, unit: float) -> dict[str, Any]:
     return {"constants": lambda params, strength, _: {name: strength * params.dose * unit}}
 
 
+DRAG = {"constants": lambda p, s, _: {"more": dose_factor(s, p.dose) - 1.0}, "drag": drag_factor}
+GUSTS = {"constants": gust_constants, "gust": turbulent_gusts.gust}
 FORCES = {  # mechanism -> act, checks, other members
     "contact_pull": pull_mechanism(1.0, 0.01),
     "gap_pull": pull_mechanism(DIAMETER_OVER_EFFECTIVE, 0.2),
     "vertical_force": (push_upwards, vertical_checks, dose_constant_members("acceleration", GRAVITY)),
-    "drag": (
-        no_push,
-        drag_checks,
-        {"constants": lambda p, s, _: {"more": dose_factor(s, p.dose) - 1.0}, "drag": drag_factor},
-    ),
+    "drag": (no_push, drag_checks, DRAG),
     "lift": (push_across, lift_checks, dose_constant_members("coefficient", SAFFMAN)),
-    "gustiness": (
-        turbulent_gusts.push,
-        gust_checks,
-        dict(constants=gust_constants, gust=turbulent_gusts.gust),
-    ),
+    "gustiness": (turbulent_gusts.push, gust_checks, GUSTS),
 }

@@ -28,14 +28,10 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
 
     Raises BadInput where it cannot be written.
     """
-    series = [
-        rrb.TimeSeriesView(name=legend, origin="/air", contents=[f"$origin/{curve}"])
-        for curve, legend in curves.items()
-    ]
-    below = rrb.Horizontal(
-        image_view("Profile: height against speed", "/profile"),
-        rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0),
-    )
+    named = ((legend, [f"$origin/{curve}"]) for curve, legend in curves.items())
+    series = (rrb.TimeSeriesView(name=legend, origin="/air", contents=curve) for legend, curve in named)
+    texts = rrb.Tabs(*series, rrb.TextDocumentView(name="Scene", origin="/scene"), active_tab=0)
+    below = rrb.Horizontal(image_view("Profile: height against speed", "/profile"), texts)
     layout = rrb.Vertical(image_view("Speed along the wind", "/slice"), below, row_shares=[1, 1])
     recording = stream.open_stream(path, name, add_time_panel(layout, FRAMES_PER_SECOND))
     stream.log_scene_text(recording, name, scene_text)

@@ -72,16 +72,10 @@ def add_time_panel(
 
 def run_blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = False) -> "rrb.Blueprint":
     """Blueprint of a run: grains, and contacts if asked, on the left; on the right measure, curves, texts."""
-    right = rrb.Vertical(
-        *scene_kind_views(kind),
-        *([rrb.Horizontal(*(image_view(*view) for view in PROFILES))] if fields else []),
-        rrb.Tabs(
-            rrb.TextDocumentView(name="Scene", origin="/scene"),
-            rrb.TextLogView(name="Log", origin="/log"),
-            curve_view("Overlap", "/ledger", "overlap_largest"),
-            active_tab="Scene",
-        ),
-    )
+    texts = rrb.TextDocumentView(name="Scene", origin="/scene"), rrb.TextLogView(name="Log", origin="/log")
+    tabs = rrb.Tabs(*texts, curve_view("Overlap", "/ledger", "overlap_largest"), active_tab="Scene")
+    profiles = [rrb.Horizontal(*(image_view(*view) for view in PROFILES))] if fields else []
+    right = rrb.Vertical(*scene_kind_views(kind), *profiles, tabs)
     views, shares = [grain_view(focus, hidden=("/world/contacts",))], [8, 1]
     if contacts:
         views.append(grain_view(focus, CHAINS, hidden=("/world/bed", "/world/mobile")))
@@ -92,9 +86,8 @@ def run_blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool 
 
 def scene_kind_views(kind: str) -> "list[rrb.View]":
     """Views for a kind of scene: outline of a heap, wind and transport, or speeds."""
-    energy = rrb.TimeSeriesView(
-        name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.LeftBottom
-    )
+    corner = rrb.Corner2D.LeftBottom
+    energy = rrb.TimeSeriesView(name="Energy, decades of J", origin="/decades", plot_legend=corner)
     if kind in WIND_KINDS:
         return [
             image_view("Wind: height against speed", "/profile"),

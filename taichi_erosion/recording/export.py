@@ -35,9 +35,8 @@ def frame_of_state(state: Snapshot) -> readback.GrainFrame:
     """Frame of a state that has not been recorded."""
     columns = {n: getattr(state, n) for n in ("velocity", "spin", "force", "mass", "contacts", "kind")}
     columns = {name: values for name, values in columns.items() if values is not None}
-    return readback.GrainFrame(
-        state.time, state.ident, state.position, state.radius, columns | dict(state.effect_state)
-    )
+    columns |= state.effect_state
+    return readback.GrainFrame(state.time, state.ident, state.position, state.radius, columns)
 
 
 def grain_table(frames: Sequence[readback.GrainFrame]) -> "xr.Dataset":

@@ -179,11 +179,8 @@ def open_view(kind: str, radii: Floats, walls: tuple[WallMesh, ...]) -> tuple[Re
 def log_view(recording: Recording, frame: int, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
     """Write all grains as points of one entity, in order of their rows."""
     recording.stream.set_time(FRAME, sequence=frame)
-    points = rr.Points3D.from_fields(
-        positions=snapshot.position.astype(np.float32),
-        radii=snapshot.radius.astype(np.float32),
-        colors=colours,
-    )
+    places, radii = snapshot.position.astype(np.float32), snapshot.radius.astype(np.float32)
+    points = rr.Points3D.from_fields(positions=places, radii=radii, colors=colours)
     recording.stream.log(GRAINS, points)
 
 
@@ -272,11 +269,8 @@ def log_grains(
     recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
 ) -> None:
     """Write some of the grains: position, radius and colour as points, and the columns of `grain_columns`."""
-    points = rr.Points3D.from_fields(
-        positions=snapshot.position[rows].astype(np.float32),
-        radii=snapshot.radius[rows].astype(np.float32),
-        colors=colours,
-    )
+    places, radii = snapshot.position[rows].astype(np.float32), snapshot.radius[rows].astype(np.float32)
+    points = rr.Points3D.from_fields(positions=places, radii=radii, colors=colours)
     recording.stream.log(entity, points, rr.AnyValues(**grain_columns(snapshot, rows)))
 
 
@@ -289,10 +283,8 @@ def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]
     import pyarrow as pa
 
     vectors = {"velocity": snapshot.velocity, "spin": snapshot.spin, "force": snapshot.force}
-    columns = {
-        "ident": pa.array(snapshot.ident[rows], type=pa.int32()),
-        "contacts": pa.array(snapshot.contacts[rows], type=pa.int16()),
-    }
+    columns = {"ident": pa.array(snapshot.ident[rows], type=pa.int32())}
+    columns["contacts"] = pa.array(snapshot.contacts[rows], type=pa.int16())
     if snapshot.kind is not None:
         columns["kind"] = pa.array(snapshot.kind[rows], type=pa.int16())
     for name, values in vectors.items():
@@ -319,9 +311,8 @@ def log_contacts(recording: Recording, network: ContactNetwork) -> None:
         columns[name] = pa.FixedSizeListArray.from_arrays(flat, 3)
     size, widest = network.normal_force, 0.25 * np.linalg.norm(network.branch, axis=1)
     strips = np.stack([network.centre, network.centre - network.branch], axis=1).astype(np.float32)
-    lines = rr.LineStrips3D(
-        strips, radii=widest * pictures.force_line_widths(size), colors=pictures.force_colours(size)
-    )
+    widths = widest * pictures.force_line_widths(size)
+    lines = rr.LineStrips3D(strips, radii=widths, colors=pictures.force_colours(size))
     recording.stream.log(CONTACTS, lines, rr.AnyValues(**columns, walls=list(network.walls)))
 
 
@@ -357,11 +348,9 @@ def wall_entity(name: str) -> str:
 
 def log_wall(recording: Recording, wall: WallMesh) -> None:
     """Write a wall. One that may be removed is not static: static data cannot be cleared."""
-    mesh = rr.Mesh3D(
-        vertex_positions=wall.vertices.astype(np.float32),
-        triangle_indices=wall.triangles.astype(np.uint32),
-        albedo_factor=(*pictures.STEEL, WALL_OPACITY),
-    )
+    vertices, triangles = wall.vertices.astype(np.float32), wall.triangles.astype(np.uint32)
+    colour = (*pictures.STEEL, WALL_OPACITY)
+    mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
     recording.stream.log(wall_entity(wall.name), mesh, static=not wall.moving)
 
 

@@ -74,17 +74,14 @@ def record_study(path: Path, page: StudyPage) -> Path:
 
 def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     """Runs side by side above, figures and texts below; without runs the figures have the room."""
-    texts = rrb.Tabs(
-        rrb.TextDocumentView(name="What was found", origin="/summary"),
-        rrb.TextDocumentView(name="All runs", origin="/table"),
-    )
+    found = rrb.TextDocumentView(name="What was found", origin="/summary")
+    texts = rrb.Tabs(found, rrb.TextDocumentView(name="All runs", origin="/table"))
     figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity_path(name)}") for name in page.figures]
     if not films:
         return blueprint.add_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))
     focus = common_focus(films)
-    above = rrb.Grid(
-        *(blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs)
-    )
+    runs = ((run.caption, f"/runs/{run.name}") for run in page.runs)
+    above = rrb.Grid(*(blueprint.grain_view(focus, *run, RUN_DISTANCE) for run in runs))
     below = rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[1, 1])
     return blueprint.add_time_panel(rrb.Vertical(above, below, row_shares=[3, 2]))
 

@@ -51,12 +51,8 @@ def quiet_environment() -> dict[str, str]:
 @contextmanager
 def background_viewer(port: int, *options: str | Path) -> Iterator[subprocess.Popen[bytes]]:
     """A viewer that starts in the background and ends with the context."""
-    process = subprocess.Popen(
-        viewer_command(port, *options),
-        env=quiet_environment(),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    silent, command = subprocess.DEVNULL, viewer_command(port, *options)
+    process = subprocess.Popen(command, env=quiet_environment(), stdout=silent, stderr=silent)
     try:
         yield process
     finally:

@@ -200,10 +200,8 @@ def optimum_table(calibration: Calibration) -> Cells:
 
 def confirmation_mean_sd_texts(test: Mapping[str, Any]) -> dict[str, str]:
     """Mean, standard deviation and number of the confirmation runs and of the measurement."""
-    return {
-        kind: value_and_sd_text(test[kind]["mean"], test[kind]["sd"], int(test[kind]["n"]))
-        for kind in ("runs", "wanted")
-    }
+    samples = {kind: test[kind] for kind in ("runs", "wanted")}
+    return {k: value_and_sd_text(s["mean"], s["sd"], int(s["n"])) for k, s in samples.items()}
 
 
 def read_finished_calibration(study: Path) -> CalibrationStudy:

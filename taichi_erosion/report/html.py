@@ -25,12 +25,8 @@ def write_page(to: Path, source: Path, force: bool, template: str, fields: Mappi
 
 def render_template(template: str, fields: Mapping[str, Any]) -> str:
     """HTML page of a template. Texts are escaped; a missing field is an error."""
-    environment = Environment(
-        loader=PackageLoader("taichi_erosion.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
+    rules = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True}
+    environment = Environment(loader=PackageLoader("taichi_erosion.report"), **rules)
     environment.filters |= {"number": three_digit_text, "commands": mark_commands}
     return environment.get_template(template).render(**fields)
 

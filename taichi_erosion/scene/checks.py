@@ -12,16 +12,8 @@ import scipy
 from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.scene.preparation import air, limits
+from taichi_erosion.scene.preparation import air, limits, sizes
 from taichi_erosion.scene.preparation.fill import cubic_lattice, placed_diameters, places_per_layer
-from taichi_erosion.scene.preparation.sizes import (
-    bounding_radius_ratio,
-    grain_count_of_kinds,
-    nominal_diameter,
-    scene_mean_cubed_diameter,
-    size_range,
-    spheres_of_clump,
-)
 from taichi_erosion.scene.preparation.walls import distance_to_wall, surface_of_revolution_rows
 from taichi_erosion.scene.schema.air import AirScene, air_box_contradictions
 from taichi_erosion.scene.schema.fields import unit_vector
@@ -59,15 +51,15 @@ def scene_contradictions(scene: Scene, observables: Collection[str] | None) -> I
 
 def size_contradictions(scene: Scene) -> Iterator[str]:
     """Sizes that one neighbour search can serve, in replicas that fit into memory."""
-    low, high = size_range(scene.grains)
+    low, high = sizes.size_range(scene.grains)
     if high > LARGEST_RATIO * low:
         ratio = f"the largest may be {LARGEST_RATIO:g} times the smallest"
         yield f"grains.size: diameters from {low:g} to {high:g} m; {ratio}"
     clump, replicas = scene.grains.clump, scene.run.replicas
-    spheres = scene.grains.count * (len(spheres_of_clump(clump)) if clump else 1) * replicas
+    spheres = scene.grains.count * (len(sizes.spheres_of_clump(clump)) if clump else 1) * replicas
     if spheres > MOST_SPHERES:
         yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"
-    for name, count in grain_count_of_kinds(scene).items() if scene.fill.law != "positions" else ():
+    for name, count in sizes.grain_count_of_kinds(scene).items() if scene.fill.law != "positions" else ():
         if count == 0:
             yield f"grains.kinds.{name}.share: no grain of {scene.grains.count}; raise it or grains.count"
 
@@ -81,7 +73,7 @@ def wind_contradictions(scene: Scene) -> Iterator[str]:
 
 def lid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """The lid lies above the bed, and where wind blows above most grains that hop."""
-    bed, diameter = air.bed_surface_height(scene, wind), nominal_diameter(scene.grains)
+    bed, diameter = air.bed_surface_height(scene, wind), sizes.nominal_diameter(scene.grains)
     blows = wind.friction_velocity > 0.0 or any(
         stage.until == "threshold" or stage.friction_velocity for stage in scene.stages
     )
@@ -95,9 +87,8 @@ def lid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def exchange_interval_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """Exchanges come before drag has changed a velocity: Stokes' response time is rho_p d^2 / (18 mu)."""
-    least = min(
-        m.density * size_range(scene.grains.parts[n].size)[0] ** 2 for n, m in scene.grain_materials.items()
-    )
+    finest = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
+    least = min(m.density * finest[name] ** 2 for name, m in scene.grain_materials.items())
     response = least / (18.0 * wind.viscosity * wind.density)
     interval = wind.look_steps * limits.time_step(scene)
     if interval > EXCHANGE_SHARE * response:
@@ -111,7 +102,7 @@ def sleep_time_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """The time at rest before sleep tells resting grains from falling ones."""
     if wind.sleep_after is None:
         return
-    least = REST_LEAST * sqrt(nominal_diameter(scene.grains))
+    least = REST_LEAST * sqrt(sizes.nominal_diameter(scene.grains))
     if wind.sleep_after * sqrt(scene.gravity.magnitude) < least:
         reason = "so soon, grains that begin to fall seem to be at rest"
         yield f"wind.sleep_after = {wind.sleep_after:g} s: {reason}; at least 0.1 sqrt(d / g)"
@@ -122,13 +113,13 @@ def air_grid_contradictions(scene: Scene, wind: Wind) -> Iterator[str]:
     if wind.columns == (1, 1):
         return
     for place, (count, size) in enumerate(zip(wind.columns, (wind.length, wind.width), strict=True)):
-        if size / count < nominal_diameter(scene.grains):
+        if size / count < sizes.nominal_diameter(scene.grains):
             reason = "narrower than a grain; averages over them mean nothing"
             yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {reason}"
     friction = max([wind.friction_velocity, *(stage.friction_velocity or 0.0 for stage in scene.stages)])
     friction = wind.partition * max(friction, scene.threshold.transport or 0.0, scene.threshold.first or 0.0)
     above = wind.height - air.bed_surface_height(scene, wind)
-    roughness = air.GRAIN_ROUGHNESS * nominal_diameter(scene.grains)
+    roughness = air.GRAIN_ROUGHNESS * sizes.nominal_diameter(scene.grains)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
     flown = fastest * wind.look_steps * limits.time_step(scene)
     most = COURANT_MOST * wind.length / wind.columns[0]
@@ -141,8 +132,9 @@ def air_grid_contradictions(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def fill_contradictions(scene: Scene) -> Iterator[str]:
     """Grains start apart and find room."""
-    fill, largest, share = scene.fill, size_range(scene.grains)[1], bounding_radius_ratio(scene.grains)
-    reach, mean = share * largest, min(scene_mean_cubed_diameter(scene) ** (1.0 / 3.0), largest)
+    fill, largest = scene.fill, sizes.size_range(scene.grains)[1]
+    share = sizes.bounding_radius_ratio(scene.grains)
+    reach, mean = share * largest, min(sizes.scene_mean_cubed_diameter(scene) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
         yield from placed_grain_problems(scene, fill)
     elif isinstance(fill, Layers) and scene.periods_xy is None:
@@ -234,7 +226,7 @@ def placed_grain_problems(scene: Scene, fill: Positions) -> Iterator[str]:
         yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {names}"
         return
     centres = np.array([grain.position for grain in fill.grains])
-    radius = bounding_radius_ratio(scene.grains) * placed_diameters(scene, fill)
+    radius = sizes.bounding_radius_ratio(scene.grains) * placed_diameters(scene, fill)
     for i, j in sorted(scipy.spatial.KDTree(centres).query_pairs(2.0 * float(radius.max()))):
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):

@@ -36,15 +36,12 @@ def equal_grains(
     diameter: float, solid: dict[str, float], time_step: float, starts: list[dict[str, Any]], **sections: Any
 ) -> Setup:
     """Equal grains without weight at stated starts, elastic and smooth; `sections` replaces or adds some."""
+    size = {"law": "monodisperse", "diameter": diameter}
     table: dict[str, Any] = {
         "scene": {"kind": "collapse"},
         "run": {"time_step": time_step, "force_time_step": True, "overlap_limit": 0.5},
         "gravity": {"magnitude": 0.0},
-        "grains": {
-            "count": len(starts),
-            "material": "solid",
-            "size": {"law": "monodisperse", "diameter": diameter},
-        },
+        "grains": {"count": len(starts), "material": "solid", "size": size},
         "materials": {"solid": solid},
         "contact": {"solid-solid": {"restitution": 1.0, "friction_sliding": 0.0}},
         "fill": {"law": "positions", "grains": starts},

@@ -15,18 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from taichi_erosion.core import effect_file
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range
-from taichi_erosion.core.effect_file import (
-    EffectFile,
-    compile_failure_text,
-    effect_in,
-    error_text,
-    failures_of,
-    line_of,
-    read_effect_files,
-    require_number,
-)
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, allocate_bench, falsify_parameter, make_probe
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
@@ -248,7 +239,7 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
         return np.concatenate(numbers)
     if effect.place == "instrument":
         cells = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
-        return np.array([require_number(effect, one) for one in cells])
+        return np.array([effect_file.require_number(effect, one) for one in cells])
     members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
         return np.ravel(probe(params, conditions, **members))
@@ -294,7 +285,7 @@ CLAUSES: dict[str, Clause] = {
 
 def usable_probe(effect: Effect, bench: Bench) -> Probe:
     """Probe of an effect that can act with its default parameters. Raises BadInput where it cannot."""
-    with failures_of(effect, "act"):
+    with effect_file.failures_of(effect, "act"):
         probe = make_probe(effect, bench)
         effect_numbers(effect, probe, effect.params(), 1.0)
     return probe
@@ -307,8 +298,8 @@ def breaches(effect: Effect, probe: Probe) -> list[str]:
         try:
             faults += clause(effect, probe)
         except Exception as error:
-            message = f"{name}: cannot be told{line_of(error)}: {error_text(error)}"
-            faults.append(compile_failure_text(error) or message)
+            message = f"{name}: cannot be told{effect_file.line_of(error)}: {effect_file.error_text(error)}"
+            faults.append(effect_file.compile_failure_text(error) or message)
     return list(dict.fromkeys(faults))
 
 
@@ -337,9 +328,9 @@ def examine_effect(effect: Effect) -> Examination:
         stop_device()
 
 
-def examine_file(file: EffectFile) -> dict[str, Any]:
+def examine_file(file: effect_file.EffectFile) -> dict[str, Any]:
     """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
-    effect = effect_in(file)
+    effect = effect_file.effect_in(file)
     examination = examine_effect(effect)
     if not examination.can_act:
         raise BadInput(f"{file}: effect '{effect.name}' cannot act: {examination.breaches[0]}")
@@ -349,7 +340,7 @@ def examine_file(file: EffectFile) -> dict[str, Any]:
 
 def examine_effect_files(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Checks of effect files before a session. Raises BadInput where an effect cannot act."""
-    return [examine_file(file) for file in read_effect_files(paths)]
+    return [examine_file(file) for file in effect_file.read_effect_files(paths)]
 
 
 def check_sentence(examination: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from taichi_erosion.air.grid import allocate_air, apply_to_all_columns, store_pr
 from taichi_erosion.air.inlet_turbulence import sample_waves
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurbulence
+from taichi_erosion.core.air_setup import AirModel, AirSide, InletTurbulence
 from taichi_erosion.core.setup import Numerics
 from tests.verification.small_scenes import box, sides
 
@@ -27,16 +27,13 @@ def test_inlet_fluctuations_have_the_stated_deviation_and_no_mean():
 SPEED, DENSITY, COEFFICIENT, VOID = 0.1, 1.2, 500.0, 0.4  # m s-1, kg m-3, N s m-4, 1
 
 
-def upward() -> AirSetup:
-    ends = sides(z_low=AirSide("inlet", (0.0, 0.0, SPEED)), z_high=AirSide("outlet"))
-    words = {"density": DENSITY, "viscosity": 1.5e-5, "time_step": 1e-3, "implicitness": 1.0}
-    return box((4, 4, 16), (0.01, 0.01, 0.04), sides=ends, model=AirModel(exchange=True), **words)
-
-
 @pytest.mark.slow
 def test_air_rises_faster_between_grains_and_pays_for_their_drag_with_pressure(start_device):
     start_device(Numerics(threads=1))
-    air = allocate_air([upward()])
+    ends = sides(z_low=AirSide("inlet", (0.0, 0.0, SPEED)), z_high=AirSide("outlet"))
+    words = {"density": DENSITY, "viscosity": 1.5e-5, "time_step": 1e-3, "implicitness": 1.0}
+    upward = box((4, 4, 16), (0.01, 0.01, 0.04), sides=ends, model=AirModel(exchange=True), **words)
+    air = allocate_air([upward])
     void, drag = air.void_fraction.to_numpy(), air.exchange_coefficient.to_numpy()
     void[:, :, :, 5:10], drag[:, :, :, 5:10] = VOID, COEFFICIENT  # layers 4 to 8
     air.void_fraction.from_numpy(void)

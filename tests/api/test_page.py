@@ -40,13 +40,8 @@ def at_the_beginning(request):
     if "page" not in request.fixturenames:
         return
     page: Page = request.getfixturevalue("page")
-    page.playing, page.owner, page.latest_request, page.speed, page.error = (
-        False,
-        "test",
-        monotonic(),
-        pages.inf,
-        "",
-    )
+    page.playing, page.owner, page.latest_request = False, "test", monotonic()
+    page.speed, page.error = pages.inf, ""
     with page.turn:
         live.restore_saved_state(page.session, "begin")
         page.session.states.clear()

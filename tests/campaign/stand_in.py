@@ -69,12 +69,8 @@ def requests(
     from taichi_erosion.campaign.request import RunRequest
 
     shared = {"journal": str(folder / "journal"), "pause": pause}
-    return [
-        RunRequest(
-            key=f"scene-{seed}", payload={"seed": seed, "mishap": (mishaps or {}).get(seed, "")} | shared
-        )
-        for seed in range(count)
-    ]
+    payloads = [{"seed": seed, "mishap": (mishaps or {}).get(seed, "")} | shared for seed in range(count)]
+    return [RunRequest(key=f"scene-{payload['seed']}", payload=payload) for payload in payloads]
 
 
 def table(results: list[RunResult]) -> list[tuple[str, float, str | None]]:

@@ -36,9 +36,8 @@ STUDY = {
     },
     "design": {"climb_steps": 4, "confirm": 8},
 }
-WIDE = STUDY["parameters"] | {
-    "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
-}
+RANGE = {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
+WIDE = STUDY["parameters"] | {"contact.soil-soil.restitution": RANGE}
 MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
 MATTER |= {"contact.soil-steel.friction_sliding"}
 HERE = {"overrides": {"workers": 1}, "function": closed_form.FUNCTION}
@@ -139,7 +138,7 @@ def test_no_two_runs_share_their_noise(found):
 
 
 def test_a_step_called_again_runs_nothing_and_says_the_same(found, monkeypatch):
-    monkeypatch.setattr(execute, "start_pool", None)  # whoever starts workers fails
+    monkeypatch.setattr(execute.pools, "start_pool", None)  # whoever starts workers fails
     again = calibrate(found.file.path, **HERE)
     timing = dict.fromkeys(("wall_s", "cpu_s"))
     assert again.document | timing == found.document | timing

@@ -54,8 +54,8 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
         started.append(workers)
         return start_pool(function, folder, workers)
 
-    monkeypatch.setattr(execution, "start_pool", start)
-    monkeypatch.setattr(execution, "refuse_missing_devices", looked.append)
+    monkeypatch.setattr(execution.pools, "start_pool", start)
+    monkeypatch.setattr(execution.pools, "refuse_missing_devices", looked.append)
     assert [result.failure for result in carry_out(tmp_path, on_device(tmp_path, "cuda"))] == [None] * 4
     assert (started, looked) == ([1], [{"cuda"}])
 

@@ -42,12 +42,9 @@ def fallen() -> dict[str, Setup]:
     """A heap bare, and with effects that make grains stick."""
     bare = heap(60, 1)
     sticky = {"dry_adhesion": 100.0, "liquid_bridge": 30.0, "restitution_speed": 1.0}
-    return {
-        "wet heap": with_effects(bare, **sticky),
-        "dry heap": bare,
-        "wet heap again": with_effects(bare, **sticky),
-        "damp heap": with_effects(bare, liquid_bridge=15.0),
-    }
+    wet, again = with_effects(bare, **sticky), with_effects(bare, **sticky)
+    damp = with_effects(bare, liquid_bridge=15.0)
+    return {"wet heap": wet, "dry heap": bare, "wet heap again": again, "damp heap": damp}
 
 
 def met() -> Setup:

@@ -77,14 +77,8 @@ def triangle() -> Setup:
     return setup(grains(place), NONE, law=contacts(0.5), gravity=(0.0, 0.0, 0.0))
 
 
-SETUPS = {
-    "unlike": unlike(),
-    "sticky": sticky(),
-    "lying": lying(),
-    "beside": lying(2),
-    "cemented": on(triangle(), CRUST, **STRONG),
-    "free": triangle(),
-}
+SETUPS = {"unlike": unlike(), "sticky": sticky(), "lying": lying(), "beside": lying(2)}
+SETUPS |= {"cemented": on(triangle(), CRUST, **STRONG), "free": triangle()}
 PLACE = {name: replica for replica, name in enumerate(SETUPS)}
 
 

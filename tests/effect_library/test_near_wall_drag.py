@@ -19,10 +19,8 @@ def test_drag_and_torque_are_those_of_a_sphere_near_a_plane(bench: Bench, height
     wind = SHEAR * height * RADIUS
     members = {"air_density": DENSITY, "air_viscosity": VISCOSITY, "air_shear": SHEAR, "radius": RADIUS}
     members |= {"height": height * RADIUS, "air_velocity": (wind, 0.0, 0.0)}
-    added, turned = (
-        make_probe(module.EFFECT, bench)(module.Params(), {}, **members)
-        for module in (near_wall_drag, rotational_drag)
-    )
+    modules = near_wall_drag, rotational_drag
+    added, turned = (make_probe(m.EFFECT, bench)(m.Params(), {}, **members) for m in modules)
     # the fit of Zeng et al. misses the exact values by 0.8 % at most, four diameters up
     stokes = 6.0 * pi * VISCOSITY * RADIUS * wind
     assert 1.0 + added[0][0] / stokes == pytest.approx(EXACT[height][0], rel=0.01)

@@ -15,20 +15,16 @@ SCENE = read_scene(SCENES / "funnel_repose.toml", ())
 
 def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted():
     heap = cone(30.0, radius=12.0)
-    scene = read_scene(
-        SCENES / "funnel_repose.toml", [f"geometry.plate.{x}" for x in ("shape=disc", "radius=0.03")]
-    )
+    changes = ["geometry.plate.shape=disc", "geometry.plate.radius=0.03"]
+    scene = read_scene(SCENES / "funnel_repose.toml", changes)
     all_ = snapshot_of(np.concatenate([(heap[:40] * (9.0, 9.0, 1.0) - (0.0, 0.0, 0.05)), heap]))
     for name, asked in scene.measure.items():
-        one, both = (
-            measure_observable(name, MeasureInput(scene, asked, s, (), ())) for s in (snapshot_of(heap), all_)
-        )
+        inputs = (MeasureInput(scene, asked, state, (), ()) for state in (snapshot_of(heap), all_))
+        one, both = (measure_observable(name, each) for each in inputs)
         assert both.value == pytest.approx(one.value, rel=1e-12)
         assert both.details["fallen_grains"] == 40
-        assert both.notes == (
-            *one.notes,
-            f"40 of {len(heap) + 40:,} grains fell off the plate; the others are measured",
-        )
+        fell = f"40 of {len(heap) + 40:,} grains fell off the plate; the others are measured"
+        assert both.notes == (*one.notes, fell)
 
 
 @pytest.mark.parametrize(("in_funnel", "valued"), [(0.01, True), (0.3, False)])

@@ -13,13 +13,8 @@ from taichi_erosion.experiments.audit import Audit, audit_table
 BOX = np.array([(a, b, 0) for b, a in product((-1, 1), repeat=2)])
 BOX = np.vstack([BOX, BOX[:, [0, 2, 1]], BOX[:, [2, 0, 1]], np.zeros((3, 3))])
 ANGLES = (33.25, 34.5, 34.75, 34, 36, 31.25, 28.75, 35, 34.75, 36, 33.25, 36.25, 36.25, 34.75, 35.5)
-STAR = np.vstack(
-    [
-        list(product((-1, 1), repeat=2)),
-        2**0.5 * np.array([(-1, 0), (1, 0), (0, -1), (0, 1)]),
-        np.zeros((5, 2)),
-    ]
-)
+AXES = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
+STAR = np.vstack([list(product((-1, 1), repeat=2)), 2**0.5 * AXES, np.zeros((5, 2))])
 NINE = np.array([(a, b, (a + b) % 3, (a + 2 * b) % 3) for a in range(3) for b in range(3)])
 ACTUAL = {"1": 31.53, "A": 45.42, "B": -11.88, "C": -609.4, "AB": -66.67, "AC": 1833.3, "BC": 875.0}
 ACTUAL |= {"A2": -81.94, "B2": 187.5, "C2": -9062.5}

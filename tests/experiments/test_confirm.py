@@ -13,9 +13,8 @@ from taichi_erosion.experiments.confirm import Sample, least_detectable_differen
 
 def test_welchs_test_agrees_with_scipy():
     values = [33.02, 32.52, 33.18]
-    theirs = stats.ttest_ind_from_stats(
-        np.mean(values), np.std(values, ddof=1), 3, 33.52, 0.68, 10, equal_var=False
-    )
+    mean, sd = np.mean(values), np.std(values, ddof=1)
+    theirs = stats.ttest_ind_from_stats(mean, sd, 3, 33.52, 0.68, 10, equal_var=False)
     found = welch_test(values, Sample(33.52, 0.68, 10))
     assert (found.t, found.p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-12)
 

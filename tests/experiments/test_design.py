@@ -24,9 +24,8 @@ def test_the_twelve_runs_of_plackett_and_burman_stand_as_printed():
 
 @pytest.mark.parametrize("runs", design.CYCLES)
 def test_every_plackett_burman_design_is_orthogonal_and_balanced(runs):
-    points = design.plackett_burman(
-        [design.Factor(f"f{k}", 0.0, 1.0) for k in range(runs - 1)], centre_points=0
-    ).coded
+    factors = [design.Factor(f"f{k}", 0.0, 1.0) for k in range(runs - 1)]
+    points = design.plackett_burman(factors, centre_points=0).coded
     assert np.array_equal(points.T @ points, runs * np.eye(runs - 1))
     assert not points.sum(axis=0).any()
 

@@ -97,7 +97,5 @@ def run_worlds(numerics: Numerics = IN_PARTITIONS) -> dict[str, WorldRecord]:
             remove_surface(sim, index["removed"], "wall 0")
     ends = [failure_of(sim, replica) for replica in range(len(setups))]
     stop_device()
-    return {
-        name: WorldRecord(tuple(frame[r] for frame in frames), ends[r], setups[name])
-        for name, r in index.items()
-    }
+    tracks = {name: tuple(frame[r] for frame in frames) for name, r in index.items()}
+    return {name: WorldRecord(tracks[name], ends[r], setups[name]) for name, r in index.items()}

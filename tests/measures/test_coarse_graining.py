@@ -61,10 +61,8 @@ def test_fields_on_a_grid_are_the_sums_of_the_definition(world):
         velocity = (state.mass * psi) @ state.velocity / density
         fluctuation = state.velocity - velocity
         kinetic = np.einsum("n,na,nb->ab", state.mass * psi, fluctuation, fluctuation)
-        stress = sum(
-            np.outer(f, branch) * line_integral(r - centre, branch)
-            for f, branch, centre in zip(contacts.force, contacts.branch, contacts.centre, strict=True)
-        )
+        touches = zip(contacts.force, contacts.branch, contacts.centre, strict=True)
+        stress = sum(np.outer(f, b) * line_integral(r - centre, b) for f, b, centre in touches)
         assert found.density[a, b, c] == pytest.approx(density)
         assert found.solid_fraction[a, b, c] == pytest.approx(np.pi / 6.0 * psi.sum())
         np.testing.assert_allclose(found.velocity[a, b, c], velocity)
@@ -143,9 +141,8 @@ def test_a_column_of_grains_at_rest_carries_its_weight_and_fills_the_known_share
     z = np.arange(-4.0, 45.0, 0.02)
     found = coarse_grain(state, contacts, Kernel({"z": z}, WIDTH, {"x": 2.0, "y": 2.0}))
     slope = np.gradient(found.contact_stress[:, 2, 2], z)
-    np.testing.assert_allclose(
-        slope, found.wall_force[:, 2] - g * found.density, atol=1e-3 * found.wall_force[:, 2].max()
-    )
+    force = found.wall_force[:, 2]
+    np.testing.assert_allclose(slope, force - g * found.density, atol=1e-3 * force.max())
     deep = np.searchsorted(z, 10.0)
     assert found.contact_stress[deep, 2, 2] == pytest.approx(m * g * (layers - 10.0), rel=0.01)
     assert found.contact_stress[deep, 0, 2] == pytest.approx(0.1 * found.contact_stress[deep, 2, 2])

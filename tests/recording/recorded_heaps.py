@@ -20,12 +20,8 @@ from taichi_erosion.recording.wall_mesh import WallMesh
 
 MOVING = 1e-2  # m s-1
 FRAME_TIME = 0.01  # s
-FLOOR = WallMesh(
-    "plate",
-    np.array([[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.05, 0.05, 0.0], [-0.05, 0.05, 0.0]]),
-    np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
-    moving=False,
-)
+CORNERS = np.array([[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.05, 0.05, 0.0], [-0.05, 0.05, 0.0]])
+FLOOR = WallMesh("plate", CORNERS, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), moving=False)
 
 
 def pyramid(levels: int = 8, radius: float = 1e-3) -> Floats:

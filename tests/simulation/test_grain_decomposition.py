@@ -229,12 +229,6 @@ def test_a_resumed_run_and_lists_that_grow_change_no_bit():
     assert fingerprint(simulation.snapshot(sim, 0)) == end
 
 
-def phases(sim: Simulation) -> int:
-    """Stages of the last launch: every one ends with a barrier, at which each block arrives once."""
-    assert sim.buffers is not None
-    return int(download_field(sim.buffers.arrivals).max()) // sim.buffers.blocks
-
-
 def test_the_host_starts_hundreds_of_steps_at_once_and_a_step_takes_few_stages(monkeypatch):
     launches = []
     run, name = step.run_steps_in_one_kernel, "run_steps_in_one_kernel"
@@ -243,7 +237,10 @@ def test_the_host_starts_hundreds_of_steps_at_once_and_a_step_takes_few_stages(m
     simulation.advance(sim, [WHOLE])
     assert simulation.energy_totals(sim, 0).step == 500
     assert len(launches) <= 500 / 16
-    assert phases(sim) <= 6 * 500, "with all lists that are renewed"
+    assert sim.buffers is not None
+    # every stage of the last launch ends with a barrier, at which each block arrives once
+    stages = int(download_field(sim.buffers.arrivals).max()) // sim.buffers.blocks
+    assert stages <= 6 * 500, "with all lists that are renewed"
 
 
 def test_tasks_of_many_threads_apart_give_the_bits_of_threads_that_wait(monkeypatch):

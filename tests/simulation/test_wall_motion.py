@@ -17,11 +17,7 @@ from tests.verification.small_scenes import joined, primitive_table
 LAWS = Laws(rolling="elastic_plastic")
 FORCE = 20.0 * MASS * GRAVITY  # N
 HALF, WHOLE = 0.08, 0.1  # s
-TABLE = (
-    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-    (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 4.0),
-    (0.03, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0),
-)
+TABLE = ((0.0,) * 7, (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 4.0), (0.03, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
 
 
 @pytest.fixture(autouse=True)

@@ -12,17 +12,10 @@ import numpy as np
 from scipy.spatial.distance import cosine
 
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments import fit as fits
 from taichi_erosion.experiments.anova import anova, pure_error_row
 from taichi_erosion.experiments.confirm import power, welch_test
 from taichi_erosion.experiments.design import Design, Factor, box_behnken, plackett_burman, steepest_ascent
-from taichi_erosion.experiments.fit import (
-    Fit,
-    coefficient_table,
-    fit_model,
-    interaction_terms,
-    model_matrix,
-    model_terms,
-)
 from taichi_erosion.experiments.optimise import Goal, optimise
 from taichi_erosion.verification.claims import Outcome, below
 
@@ -42,10 +35,9 @@ def factors(count: int) -> list[Factor]:
     return [Factor(f"x{k}", 0.1 * k, 0.1 * k + 10.0**k) for k in range(count)]
 
 
-def fitted(design: Design, values: Floats, order: str) -> Fit:
+def fitted(design: Design, values: Floats, order: fits.Order) -> fits.Fit:
     """The model of one synthetic response."""
-    terms = model_terms(len(design.factors), "linear") if order == "linear" else model_terms(3, "quadratic")
-    return fit_model(design.with_responses(y=values), "y", terms)
+    return fits.fit_model(design.with_responses(y=values), "y", order)
 
 
 def share(claim: str, hits: list[bool], wanted: float) -> Outcome:
@@ -54,9 +46,9 @@ def share(claim: str, hits: list[bool], wanted: float) -> Outcome:
     return Outcome(claim, float(np.mean(hits)), wanted, error, "f64")
 
 
-def covered(fit: Fit, truth: Floats) -> list[bool]:
+def covered(fit: fits.Fit, truth: Floats) -> list[bool]:
     """Whether the interval of each slope holds the true one."""
-    slopes = coefficient_table(fit)[1:]
+    slopes = fits.coefficient_table(fit)[1:]
     return list((slopes["low"] <= truth) & (truth <= slopes["high"]))
 
 
@@ -72,14 +64,14 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
     """What must come back to rounding."""
     linear = fitted(screening, 20.0 + screening.coded @ SCREENED, "linear")
     yield below("Plackett-Burman: error of nine slopes", linear.coefficients[1:] - SCREENED, ROUNDING, "f64")
-    kept = model_matrix(screening.coded, model_terms(9, "linear"))
-    left_out = model_matrix(screening.coded, interaction_terms(9))[:, 1:]
+    kept = fits.model_matrix(screening.coded, fits.model_terms(9, "linear"))
+    left_out = fits.model_matrix(screening.coded, fits.interaction_terms(9))[:, 1:]
     strengths = np.linspace(-1.0, 1.0, left_out.shape[1])
     mixed = fitted(screening, left_out @ strengths, "linear")
     predicted = np.linalg.lstsq(kept, left_out, rcond=None)[0] @ strengths
     name = "Plackett-Burman: bias by interactions less what the alias table says"
     yield below(name, mixed.coefficients - predicted, ROUNDING, "f64")
-    bowl = model_matrix(surface.coded, model_terms(3, "quadratic")) @ CURVED
+    bowl = fits.model_matrix(surface.coded, fits.model_terms(3, "quadratic")) @ CURVED
     quadratic = fitted(surface, bowl, "quadratic")
     name = "Box-Behnken: error of ten coefficients"
     yield below(name, quadratic.coefficients - CURVED, 10.0 * ROUNDING, "f64")
@@ -93,7 +85,8 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
 
 def noisy_effects(screening: Design, surface: Design, noise: Callable[[int], Floats]) -> Iterator[Outcome]:
     """What must hold in the right share of tables."""
-    plane, bowl = 20.0 + screening.coded @ SCREENED, model_matrix(surface.coded, model_terms(3, "quadratic"))
+    plane = 20.0 + screening.coded @ SCREENED
+    bowl = fits.model_matrix(surface.coded, fits.model_terms(3, "quadratic"))
     lines = [fitted(screening, plane + noise(len(screening)), "linear") for _ in range(TABLES)]
     curves = [fitted(surface, bowl @ CURVED + noise(len(surface)), "quadratic") for _ in range(TABLES)]
     # one slope of each table: slopes of one table share their error and are no independent trials

@@ -66,10 +66,8 @@ def draw_oblique_impact(file: Path) -> None:
         "spin after impact [rad/s]": published.OBLIQUE_LITERATURE_SPIN,
         "rebound angle of the contact [deg]": published.OBLIQUE_LITERATURE_PATCH,
     }
-    shown = [
-        (found.tangential / impact.tangential, found.spin, patch_angle(impact, found))
-        for found in (fine, after)
-    ]
+    peak = impact.tangential
+    shown = [(f.tangential / peak, f.spin, patch_angle(impact, f)) for f in (fine, after)]
     figure, frames = plt.subplots(1, 3, figsize=(11.0, 3.6), layout="constrained")
     for frame, same_law, simulator, (label, literature) in zip(frames, *shown, panels.items(), strict=True):
         frame.plot(angle, same_law, color=FINE, lw=3.0, label="same law, fine step")

@@ -106,11 +106,8 @@ def joined(*tables: PrimitiveTable) -> PrimitiveTable:
     for table in tables:
         surfaces.append(table.surface + first)
         first += int(table.surface.max()) + 1
-    return PrimitiveTable(
-        kind=np.concatenate([table.kind for table in tables]),
-        surface=np.concatenate(surfaces).astype(np.int32),
-        shape=np.concatenate([table.shape for table in tables]),
-    )
+    kind, shape = (np.concatenate([getattr(table, name) for table in tables]) for name in ("kind", "shape"))
+    return PrimitiveTable(kind=kind, surface=np.concatenate(surfaces).astype(np.int32), shape=shape)
 
 
 def sphere_setup(
@@ -175,14 +172,8 @@ def sides(**given: AirSide) -> dict[str, AirSide]:
 
 def box(cells: tuple[int, int, int], size: Triple, **words: Any) -> AirSetup:
     """A box of air from the origin, of density 1 and equal cells unless stated otherwise."""
-    usual: dict[str, Any] = {
-        "faces_z": equal_cell_faces(0.0, size[2], cells[2]),
-        "sides": sides(),
-        "density": 1.0,
-        "viscosity": 1.0,
-        "time_step": 1.0,
-        "implicitness": 0.5,
-    }
+    usual: dict[str, Any] = dict.fromkeys(("density", "viscosity", "time_step"), 1.0)
+    usual |= {"faces_z": equal_cell_faces(0.0, size[2], cells[2]), "sides": sides(), "implicitness": 0.5}
     return AirSetup(cells=cells, low=(0.0, 0.0, 0.0), high=size, **usual | words)
 
 

@@ -17,15 +17,7 @@ from taichi_erosion.core.air_setup import (
 from taichi_erosion.core.setup import Coupling, Floats
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import nominal_diameter, scene_mean_cubed_diameter
-from taichi_erosion.scene.schema.air import (
-    COURANT_MOST,
-    AirBox,
-    AirScene,
-    LogProfile,
-    PowerProfile,
-    Profile,
-    UniformProfile,
-)
+from taichi_erosion.scene.schema import air as schema
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.schema.wind import Wind
 
@@ -103,7 +95,7 @@ def coupling_of_patch(scene: Scene, wind: Wind, seed: int) -> Coupling:
     )
 
 
-def cell_face_heights(air: AirBox) -> Floats:
+def cell_face_heights(air: schema.AirBox) -> Floats:
     """Faces of the cells of a box along z [m]."""
     high, count = air.extents[2], air.cells[2]
     if air.lowest is None:
@@ -112,24 +104,24 @@ def cell_face_heights(air: AirBox) -> Floats:
     return faces(0.0, high, count, air.lowest)
 
 
-def inlet_wind(profile: Profile, height: Floats, karman: float) -> Floats:
+def inlet_wind(profile: schema.Profile, height: Floats, karman: float) -> Floats:
     """Wind at the inlet at some heights [m s-1]."""
-    if isinstance(profile, UniformProfile):
+    if isinstance(profile, schema.UniformProfile):
         return np.full(len(height), profile.speed)
-    if isinstance(profile, LogProfile):
+    if isinstance(profile, schema.LogProfile):
         return air_setup.log_profile(height, profile.friction_velocity, profile.roughness_length, karman)
-    if isinstance(profile, PowerProfile):
+    if isinstance(profile, schema.PowerProfile):
         return profile.speed * np.minimum(height / profile.thickness, 1.0) ** profile.exponent
     return np.interp(height, profile.heights, profile.speeds)
 
 
-def inlet_profile(air: AirBox) -> Floats | None:
+def inlet_profile(air: schema.AirBox) -> Floats | None:
     """Wind at the inlet over 1 m s-1 by layer, None where none is stated."""
     height = cell_face_heights(air)
     return None if air.inlet is None else inlet_wind(air.inlet, 0.5 * (height[1:] + height[:-1]), air.karman)
 
 
-def upper_bound_of_air_speed(air: AirBox) -> float:
+def upper_bound_of_air_speed(air: schema.AirBox) -> float:
     """Speed that no air is expected to exceed by much [m s-1]."""
     shape, moving = inlet_profile(air), max(max(map(abs, side.velocity)) for side in air.sides.values())
     gust = GUST * max(air.turbulence.deviation) if air.turbulence else 0.0
@@ -142,12 +134,12 @@ def upper_bound_of_air_speed(air: AirBox) -> float:
     return max(blowing + gust, moving, driven)
 
 
-def stable_step(scene: AirScene) -> float:
+def stable_step(scene: schema.AirScene) -> float:
     """Longest stable time step [s]."""
-    return min(air_time_step_limits(scene.air, COURANT_MOST))
+    return min(air_time_step_limits(scene.air, schema.COURANT_MOST))
 
 
-def air_time_step_limits(air: AirBox, courant: float) -> tuple[float, float]:
+def air_time_step_limits(air: schema.AirBox, courant: float) -> tuple[float, float]:
     """Time steps [s] that advection and explicit diffusion allow; one cell along an axis allows any."""
     widths = [size / n for size, n in zip(air.extents[:2], air.cells[:2], strict=True) if n > 1]
     speed = upper_bound_of_air_speed(air)
@@ -156,7 +148,7 @@ def air_time_step_limits(air: AirBox, courant: float) -> tuple[float, float]:
     return advective, diffusive
 
 
-def run_time_step(scene: AirScene) -> float:
+def run_time_step(scene: schema.AirScene) -> float:
     """Time step of a run [s]; what nothing limits takes COLUMN_SHARE of the run."""
     if scene.run.time_step is not None:
         return scene.run.time_step
@@ -164,7 +156,7 @@ def run_time_step(scene: AirScene) -> float:
     return float(limit) if np.isfinite(limit) else COLUMN_SHARE * scene.run.duration
 
 
-def build_air(scene: AirScene, seed: int) -> AirSetup:
+def build_air(scene: schema.AirScene, seed: int) -> AirSetup:
     """Air of one replica of a scene of air alone."""
     air, shape = scene.air, inlet_profile(scene.air)
     sides = {name: AirSide(s.kind, s.velocity, s.roughness_length) for name, s in air.sides.items()}
@@ -199,7 +191,7 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
     )
 
 
-def initial_wind_guess(air: AirBox) -> Floats | None:
+def initial_wind_guess(air: schema.AirBox) -> Floats | None:
     """Initial wind of a driven flow with a closure [m s-1]; from rest it would take long to develop."""
     if air.closure == "none":
         return None

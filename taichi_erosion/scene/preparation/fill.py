@@ -192,16 +192,12 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
     fill, gravity, nominal = scene.fill, scene.gravity.magnitude, sizes.nominal_diameter(scene.grains)
     if isinstance(fill, Positions):
+        kinds = [grain.kind or scene.grains.material or "" for grain in fill.grains]
         return InitialBodies(
             position=np.array([grain.position for grain in fill.grains]),
             velocity=np.array([grain.velocity for grain in fill.grains]),
             spin=np.array([grain.spin for grain in fill.grains]),
-            kind=np.array(
-                [
-                    list(scene.grains.parts).index(grain.kind or scene.grains.material or "")
-                    for grain in fill.grains
-                ]
-            ),
+            kind=np.array([list(scene.grains.parts).index(kind) for kind in kinds]),
             diameter=placed_diameters(scene, fill),
             release_time=np.zeros(len(fill.grains)),
         )

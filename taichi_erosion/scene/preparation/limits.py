@@ -8,13 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.preparation import sizes
-from taichi_erosion.scene.preparation.contacts import (
-    effective_young_modulus,
-    materials_used,
-    shear_modulus,
-    simulated_surface_energy,
-)
+from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
 from taichi_erosion.scene.schema.geometry import Funnel
@@ -70,10 +64,10 @@ def adhesion_numbers_of_kind(scene: Scene, name: str) -> dict[str, float] | None
     material, contact = scene.materials[name], scene.contact_of_materials(name, name)
     if contact is None or contact.surface_energy <= 0.0 or scene.laws.normal != "jkr":
         return None
-    energy = simulated_surface_energy(scene.grains, contact, material, material)
+    energy = contacts.simulated_surface_energy(scene.grains, contact, material, material)
     diameter, gravity = sizes.nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
-    young = effective_young_modulus(material, material)
+    young = contacts.effective_young_modulus(material, material)
     strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
     volume = scene.grains.count * pi / 6.0 * sizes.scene_mean_cubed_diameter(scene) / SOLID_FRACTION
     height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
@@ -168,21 +162,15 @@ def smallest_radii(scene: Scene) -> dict[str, float]:
     least = {name: sizes.size_range(part.size)[0] for name, part in scene.grains.parts.items()}
     if isinstance(scene.fill, Positions):
         rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
-        least = {
-            name: min(low_end or low for kind, low_end in rows if kind == name)
-            for name, low in least.items()
-            if any(kind == name for kind, _ in rows)
-        }
+        placed = {name: low for name, low in least.items() if any(kind == name for kind, _ in rows)}
+        least = {name: min(d or low for kind, d in rows if kind == name) for name, low in placed.items()}
     return {name: low * share for name, low in least.items()}
 
 
 def grain_rayleigh_time(scene: Scene) -> float:
     """Rayleigh time of the contact sphere for which it is shortest [s]; walls do not vibrate."""
-    return min(
-        rayleigh_time(radius, material.density, shear_modulus(material), material.poisson_ratio)
-        for name, radius in smallest_radii(scene).items()
-        for material in [scene.materials[name]]
-    )
+    pairs = ((radius, scene.materials[name]) for name, radius in smallest_radii(scene).items())
+    return min(rayleigh_time(r, m.density, contacts.shear_modulus(m), m.poisson_ratio) for r, m in pairs)
 
 
 def time_step(scene: Scene) -> float:
@@ -228,7 +216,7 @@ def smallest_grains_of_kinds(scene: Scene) -> Iterator[tuple[str, float, float, 
     for name, radius in smallest_radii(scene).items():
         material = scene.materials[name]
         mass = material.density * 4.0 / 3.0 * pi * radius**3
-        yield name, radius, mass, effective_young_modulus(material, material)
+        yield name, radius, mass, contacts.effective_young_modulus(material, material)
 
 
 def time_step_limits(scene: Scene) -> dict[str, float | None]:
@@ -251,15 +239,15 @@ def neck_crossing_time(scene: Scene, speed: float) -> float | None:
     wall.
     """
     radii, times = smallest_radii(scene), []
-    pairs = [(grain, other) for grain in radii for other in materials_used(scene)]
+    pairs = [(grain, other) for grain in radii for other in contacts.materials_used(scene)]
     for grain, other in pairs if scene.laws.normal == "jkr" else []:
         contact, radius = scene.contact_of_materials(grain, other), radii[grain]
         a, b = scene.materials[grain], scene.materials[other]
-        energy = simulated_surface_energy(scene.grains, contact, a, b) if contact else 0.0
+        energy = contacts.simulated_surface_energy(scene.grains, contact, a, b) if contact else 0.0
         reduced = [radius] if other in scene.wall_material_names else []
         reduced += [radius * radii[other] / (radius + radii[other])] if other in radii else []
         for size in reduced if energy > 0.0 else []:
-            times.append(jkr_tear_off_distance(energy, size, effective_young_modulus(a, b)) / speed)
+            times.append(jkr_tear_off_distance(energy, size, contacts.effective_young_modulus(a, b)) / speed)
     return NECK_SHARE * min(times) if times else None
 
 
@@ -334,6 +322,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = time_step_limits(scene), time_step(scene), largest_adhesion_numbers(scene)
     low, high = sizes.size_range(scene.grains)
+    warnings = [*time_step_warnings(chosen, limit), *adhesion_warnings(scene, sticking)]
     return {
         "time_step": chosen,
         "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
@@ -345,12 +334,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "rolling": rolling_friction_sentences(scene),
         "kinds": [*coarse_graining_sentences(scene.grains), *grain_kind_sentences(scene)],
         "adhesion": sticking,
-        "warnings": [
-            *time_step_warnings(chosen, limit),
-            *adhesion_warnings(scene, sticking),
-            *outlet_warnings(scene),
-            *inlet_warnings(scene),
-        ],
+        "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene)],
     }
 
 

@@ -137,10 +137,9 @@ def mean_cubed_diameter(size: Size) -> float:
 
 def kind_shares(scene: Scene) -> dict[str, float]:
     """Shares of the number of grains by kind [1], from shares of the mass: n ~ w / (rho E[d^3])."""
-    weights = {
-        name: part.share / (scene.materials[name].density * mean_cubed_diameter(part.size))
-        for name, part in scene.grains.parts.items()
-    }
+    weights = {}
+    for name, part in scene.grains.parts.items():
+        weights[name] = part.share / (scene.materials[name].density * mean_cubed_diameter(part.size))
     return {name: weight / sum(weights.values()) for name, weight in weights.items()}
 
 
@@ -237,10 +236,8 @@ def cell_centres_in_spheres(
     x, y, z = (middle[k] + (np.arange(n) - 0.5 * (n - 1)) * cell for k, n in enumerate(counts))
     inside = np.zeros(tuple(counts), dtype=bool)
     for centre, r in zip(centres, radius, strict=True):
-        near = tuple(
-            slice(*np.searchsorted(axis, (at - r - cell, at + r + cell)))
-            for axis, at in zip((x, y, z), centre, strict=True)
-        )
+        ends = ((at - r - cell, at + r + cell) for at in centre)
+        near = tuple(slice(*np.searchsorted(*pair)) for pair in zip((x, y, z), ends, strict=True))
         a, b, c = (axis[part] - at for axis, part, at in zip((x, y, z), near, centre, strict=True))
         inside[near] |= a[:, None, None] ** 2 + b[:, None] ** 2 + c**2 <= r * r
     i, j, k = np.nonzero(inside)

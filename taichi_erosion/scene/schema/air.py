@@ -117,12 +117,12 @@ class AirBox(AirSection):
     extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
     cells: Counts = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
     lowest: float | None = fields.number(None, "m", "height of the lowest cells; left out: equal", 1e-7, 1e4)
-    both_ends: bool = Field(default=False, description="whether cells are fine at the lid too")
+    both_ends: bool = fields.entry(False, "whether cells are fine at the lid too")
     density: float = fields.number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = fields.number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
-    closure: Closure = Field(default=AirModel.closure, description="turbulence closure")
-    advection: Advection = Field(
-        default=AirModel.advection, description="central: keeps energy; limited: makes no new extremes"
+    closure: Closure = fields.entry(AirModel.closure, "turbulence closure")
+    advection: Advection = fields.entry(
+        AirModel.advection, "central: keeps energy; limited: makes no new extremes"
     )
     implicitness: float = fields.number(
         AirSetup.implicitness, "1", "of diffusion along z: 0.5 second order in time, 1 robust", 0.5, 1.0
@@ -141,8 +141,8 @@ class AirBox(AirSection):
         (0.0, 0.0, 0.0), "Pa m-1", "mean pressure gradient; negative drives forwards", -1e6, 1e6
     )
     sides: dict[Name, Side] = Field(description="x_low, x_high, y_low, y_high, z_low, z_high")
-    inlet: Profile | None = Field(None, description="wind at the inlet, and everywhere at the start")
-    turbulence: Turbulence | None = Field(None, description="fluctuations at the inlet")
+    inlet: Profile | None = fields.entry(None, "wind at the inlet, and everywhere at the start")
+    turbulence: Turbulence | None = fields.entry(None, "fluctuations at the inlet")
 
 
 class AirMeasure(AirSection):

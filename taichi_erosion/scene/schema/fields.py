@@ -68,6 +68,11 @@ def number(default: Any, unit: str, meaning: str, low: float = -inf, high: float
     return Field(default, description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit, **bounds})
 
 
+def entry(default: Any, meaning: str) -> Any:
+    """Declare an entry that is no number, with its default and its meaning."""
+    return Field(default, description=meaning)
+
+
 def unit_of_number_field(field: Any) -> str | None:
     """Unit of a field declared by `number`, None for text and sections."""
     extra = field.json_schema_extra

@@ -15,6 +15,7 @@ from taichi_erosion.scene.schema.fields import (
     Vector,
     contradiction,
     direction,
+    entry,
     extent,
     number,
     point_field,
@@ -64,7 +65,7 @@ class Sieve(Section):
     in_metres_only = True
 
     law: Literal["sieve"]
-    table: Name | None = Field(None, description="name of a shipped sieve table")
+    table: Name | None = entry(None, "name of a shipped sieve table")
     rows: tuple[SieveRow, ...] = number((), "m, m, any mass", "size classes: low, high, mass", 0.0, MOST_MASS)
     low: float | None = number(None, "m", "lower cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
     high: float | None = number(None, "m", "upper cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
@@ -98,7 +99,7 @@ class ClumpSphere(Section):
 class Clump(Section):
     """Rigid grain made of several spheres: a shipped template or a list."""
 
-    template: Literal["pair", "tripod", "tetrahedron"] | None = Field(None, description="a shipped template")
+    template: Literal["pair", "tripod", "tetrahedron"] | None = entry(None, "a shipped template")
     spheres: tuple[ClumpSphere, ...] = Field((), max_length=64, description="spheres of an own template")
 
     @model_validator(mode="after")
@@ -142,16 +143,16 @@ class Grains(Section):
     later = ("kinds",)
 
     count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
-    kinds: dict[Name, Kind] = Field(
-        {}, description="kinds of grains by their names under [materials], in place of size and material"
+    kinds: dict[Name, Kind] = entry(
+        {}, "kinds of grains by their names under [materials], in place of size and material"
     )
     size: Size | None = Field(default=None, validate_default=True, description="distribution of diameters")
     material: Name | None = Field(
         default=None, validate_default=True, description="name of a table under [materials]"
     )
-    clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
-    coarse_graining: CoarseGraining | None = Field(
-        None, description="names the scaling rule where grains are larger than the true ones"
+    clump: Clump | None = entry(None, "template of non-spherical grains; left out: spheres")
+    coarse_graining: CoarseGraining | None = entry(
+        None, "names the scaling rule where grains are larger than the true ones"
     )
 
     @model_validator(mode="before")
@@ -206,7 +207,7 @@ class Material(Section):
     shear_modulus: float | None = number(None, "Pa", "shear modulus as simulated", 1e3, 1e12)
     young_modulus: float | None = number(None, "Pa", "Young's modulus as simulated", 1e3, 1e12)
     poisson_ratio: float = number(..., "1", "Poisson ratio", 0.0, 0.5)
-    softening: Softening | None = Field(None, description="names the scaling rule where stiffness is reduced")
+    softening: Softening | None = entry(None, "names the scaling rule where stiffness is reduced")
 
     @model_validator(mode="after")
     def _require_one_modulus(self) -> "Material":
@@ -221,12 +222,10 @@ class Contact(Section):
     restitution: float = number(..., "1", "coefficient of normal restitution", 0.0, 1.0)
     friction_sliding: float = number(..., "1", "coefficient of sliding friction", 0.0, 5.0)
     friction_rolling: float = number(0.0, "1", "limiting rolling torque over radius and force", 0.0, 5.0)
-    rolling_radius: Literal["effective", "grain"] = Field(
-        default="effective",
-        description=(
-            "that radius: R*, half a grain's between equal ones; or the grain's own (EDEM standard), "
-            "2 R*, which is that of both grains only where they are equal"
-        ),
+    rolling_radius: Literal["effective", "grain"] = entry(
+        "effective",
+        "that radius: R*, half a grain's between equal ones; or the grain's own (EDEM standard), "
+        "2 R*, which is that of both grains only where they are equal",
     )
     rolling_damping: float = number(0.3, "1", "rolling damping over critical (Ai et al. 2011)", 0.0, 1.0)
     surface_energy: float = number(
@@ -237,9 +236,7 @@ class Contact(Section):
         0.0,
         1e3,
     )
-    effects: bool | None = Field(
-        default=None, description="false: no effect acts on it, it is as stated in every run"
-    )
+    effects: bool | None = entry(None, "false: no effect acts on it, it is as stated in every run")
 
     @property
     def rolling_radius_ratio(self) -> float:
@@ -276,7 +273,7 @@ class GrainStart(Section):
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
     diameter: float | None = number(None, "m", "diameter; left out: nominal", SMALLEST_GRAIN, LARGEST_GRAIN)
-    kind: Name | None = Field(default=None, description="its name under [grains.kinds]")
+    kind: Name | None = entry(None, "its name under [grains.kinds]")
 
 
 class Positions(Section):
@@ -321,14 +318,14 @@ class Inlet(Section):
     radius: float | None = extent(None, "radius of a horizontal disc, whole grains inside")
     size: tuple[float, float] | None = extent(None, "sides of a horizontal rectangle along x and y, likewise")
     end: Vector | None = point_field(None, "other end of a line, on which grains lie side by side")
-    mesh: Hull | None = Field(default=None, description="closed mesh, whole grains inside")
+    mesh: Hull | None = entry(None, "closed mesh, whole grains inside")
     speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
     rate: float | None = number(None, "s-1", "grains a second; left out: as fast as layers clear", 1e-3, 1e9)
     mass_rate: float | None = number(None, "kg s-1", "mass per second, in place of rate", 1e-12, 1e6)
     coverage: float = number(0.25, "1", "share of area, length or volume that a layer covers", 1e-3, 0.45)
     begin: float = number(0.0, "s", "time at which it opens", 0.0, 1e5)
     share: float = number(1.0, "1", "its share of the grains among inlets, in any unit", 1e-6, MOST_MASS)
-    kind: Name | None = Field(default=None, description="kind of grains that alone passes; left out: all")
+    kind: Name | None = entry(None, "kind of grains that alone passes; left out: all")
 
     @model_validator(mode="after")
     def _require_one_shape(self) -> "Inlet":
@@ -368,7 +365,7 @@ class Pour(Inlet):
     later = ("begin", "share", "kind", "inlets")
 
     law: Literal["pour"]
-    inlets: dict[Name, Inlet] = Field(default={}, description="inlets by names, in place of one")
+    inlets: dict[Name, Inlet] = entry({}, "inlets by names, in place of one")
 
     @property
     def parts(self) -> dict[str, Inlet]:

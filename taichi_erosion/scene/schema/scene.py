@@ -19,6 +19,7 @@ from taichi_erosion.scene.schema.fields import (
     Vector,
     contradiction,
     direction,
+    entry,
     number,
     point_field,
 )
@@ -54,11 +55,11 @@ Kind = Literal[
 class Head(Section):
     """What the scene is."""
 
-    kind: Kind | None = Field(default=None, description="kind of apparatus; left out: one of your own")
+    kind: Kind | None = entry(None, "kind of apparatus; left out: one of your own")
     title: str = Field(default="", max_length=200, description="one line for people")
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
-    effect_files: tuple[str, ...] = Field(
-        default=(), description="Python files with effects of your own, relative to the scene file"
+    effect_files: tuple[str, ...] = entry(
+        (), "Python files with effects of your own, relative to the scene file"
     )
 
 
@@ -67,10 +68,10 @@ class Run(Section):
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
     seed: int = number(1, "1", "seed of the first replica; the next take the next integers", 0, 2**62)
-    precision: setup.Precision = Field(default="f32", description="floats of forces and velocities")
+    precision: setup.Precision = entry("f32", "floats of forces and velocities")
     time_step: float | None = number(None, "s", "time step; left out: time_step_fraction", SHORTEST, 1.0)
     time_step_fraction: float = number(0.2, "1", "time step over the Rayleigh time", 1e-4, 10.0)
-    force_time_step: bool = Field(default=False, description="accept more than 0.3 Rayleigh times")
+    force_time_step: bool = entry(False, "accept more than 0.3 Rayleigh times")
     check_interval: float = number(1e-3, "s", "simulated time between guards and rest checks", 1e-9, 10.0)
     skin: float = number(setup.Setup.skin, "1", "least margin of neighbour list over radius", 1e-3, 1.0)
     overlap_limit: float = number(
@@ -88,23 +89,19 @@ class Gravity(Section):
 class LawChoice(Section):
     """Law in every contact slot; the defaults are those of core.setup.Laws."""
 
-    normal: setup.NormalLaw = Field(default=setup.Laws.normal, description="normal force")
-    adhesion_branch: setup.AdhesionBranch = Field(
-        default=setup.Laws.adhesion_branch,
-        description=(
-            "where adhesion acts: touch, from zero overlap until the neck tears, as in LAMMPS; "
-            "edem, on approach too, wherever a neck can exist, as in EDEM"
-        ),
+    normal: setup.NormalLaw = entry(setup.Laws.normal, "normal force")
+    adhesion_branch: setup.AdhesionBranch = entry(
+        setup.Laws.adhesion_branch,
+        "where adhesion acts: touch, from zero overlap until the neck tears, as in LAMMPS; "
+        "edem, on approach too, wherever a neck can exist, as in EDEM",
     )
-    friction_cap: setup.FrictionCap = Field(
-        default=setup.Laws.friction_cap,
-        description=(
-            "normal force that limits friction under adhesion: thornton, |F + 6 pi gamma R*|, as in LAMMPS; "
-            "edem, the repulsive part 4 E* a^3 / (3 R*)"
-        ),
+    friction_cap: setup.FrictionCap = entry(
+        setup.Laws.friction_cap,
+        "normal force that limits friction under adhesion: thornton, |F + 6 pi gamma R*|, as in LAMMPS; "
+        "edem, the repulsive part 4 E* a^3 / (3 R*)",
     )
-    rolling: setup.RollingLaw = Field(
-        default=setup.Laws.rolling, description="rolling resistance: none, type A, type C (Ai et al. 2011)"
+    rolling: setup.RollingLaw = entry(
+        setup.Laws.rolling, "rolling resistance: none, type A, type C (Ai et al. 2011)"
     )
 
 
@@ -149,26 +146,24 @@ class Stage(Section):
     later = ("steady_air",)
 
     name: Name = Field(description="name by which measures refer to it")
-    until: Literal["rest", "time", "threshold"] = Field(
-        "rest",
-        description="rest: when grains rest; time: after duration_max; threshold: when thresholds are found",
+    until: Literal["rest", "time", "threshold"] = entry(
+        "rest", "rest: when grains rest; time: after duration_max; threshold: when thresholds are found"
     )
     duration_min: float = number(0.0, "s", "shortest duration", 0.0, LONGEST)
     duration_max: float = number(..., "s", "time limit, or the duration itself", SHORTEST, LONGEST)
     rest_energy: float = number(1e-5, "1", "translational energy per grain over m g d at rest", 0.0, 1.0)
     rest_contact_share: float = number(0.9, "1", "least share of grains with a contact at rest", 0.0, 1.0)
-    remove: tuple[Name, ...] = Field((), description="names under [geometry] that vanish as the stage begins")
-    move: dict[Name, Movement] = Field(
-        {}, description="motion of surfaces, by name under [geometry], until the next order"
+    remove: tuple[Name, ...] = entry((), "names under [geometry] that vanish as the stage begins")
+    move: dict[Name, Movement] = entry(
+        {}, "motion of surfaces, by name under [geometry], until the next order"
     )
     tilt_rate: float = number(0.0, "deg s-1", "rate at which gravity turns about tilt_axis", -1e4, 1e4)
     tilt_axis: Direction = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
     friction_velocity: float | None = number(
         None, "m s-1", "u* from now on, its profile at once steady", 0.0, FASTEST_FRICTION
     )
-    steady_air: bool = Field(
-        default=False,
-        description="the air has no inertia: its steady profile over the flying grains is set at every check",
+    steady_air: bool = entry(
+        False, "the air has no inertia: its steady profile over the flying grains is set at every check"
     )
     through_flow: float | None = number(
         None, "m s-1", "superficial velocity of air rising through the bed from now on", -100.0, 100.0
@@ -186,25 +181,24 @@ class Measure(Section):
 
     later = ("plane_normal", "walls", "axis", "centre")
 
-    stage: Name | None = Field(None, description="stage at whose end it is read; left out: the last")
+    stage: Name | None = entry(None, "stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
-    plate: Name | None = Field(None, description="surface on which the heap stands")
+    plate: Name | None = entry(None, "surface on which the heap stands")
     plane_point: Vector | None = point_field(None, "a point of the plane that mass_flow counts through")
     plane_normal: Direction = direction((0.0, 0.0, -1.0), "direction in which that flow counts as positive")
-    walls: tuple[Name, ...] = Field((), description="walls on which a force is read; left out: all")
+    walls: tuple[Name, ...] = entry((), "walls on which a force is read; left out: all")
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
     centre: Vector = point_field(ORIGIN, "a point of the axis of a torque")
     area: float | None = number(
         None, "m2", "of the plane on which a stress acts; left out: that of the periodic box", 1e-12, 1e6
     )
-    kind: Name | None = Field(default=None, description="kind of grains that alone is read; left out: all")
+    kind: Name | None = entry(None, "kind of grains that alone is read; left out: all")
     file: str | None = Field(
         default=None, max_length=400, description="Python file of a measure of your own, beside the scene"
     )
-    of_this_size: bool = Field(
-        default=False,
-        description="the angle of a heap of this many grains is asked for, not the limit of large ones",
+    of_this_size: bool = entry(
+        False, "the angle of a heap of this many grains is asked for, not the limit of large ones"
     )
 
 
@@ -215,20 +209,15 @@ class Measured(Section):
     sd: float | None = number(None, "unit of the observable", "standard deviation of single repeats", 0.0)
     n: int | None = number(None, "1", "number of repeats", 1, 10**9)
     source: str = Field(default="", max_length=500, description="where it was published")
-    same_size: bool = Field(default=False, description="measured on a heap of as many grains as the scene's")
+    same_size: bool = entry(False, "measured on a heap of as many grains as the scene's")
 
 
 class Record(Section):
     """What the recording keeps."""
 
     every: float = number(0.01, "s", "interval of frames", 1e-9, LONGEST)
-    contacts: bool = Field(
-        default=False, description="contacts too: their grains and walls, places and forces, as lines"
-    )
-    fields: bool = Field(
-        default=False,
-        description="coarse-grained fields over the height too: solid fraction, velocity, stress",
-    )
+    contacts: bool = entry(False, "contacts too: their grains and walls, places and forces, as lines")
+    fields: bool = entry(False, "coarse-grained fields over the height too: solid fraction, velocity, stress")
 
 
 class Scene(SceneFile):
@@ -247,13 +236,13 @@ class Scene(SceneFile):
     geometry: dict[Name, Wall] = Field({})
     domain: Domain = Domain()
     fill: Fill
-    wind: Wind | None = Field(None, description="air over a periodic patch; left out: no air")
-    threshold: Threshold = Field(Threshold(), description="search for thresholds of motion")
+    wind: Wind | None = entry(None, "air over a periodic patch; left out: no air")
+    threshold: Threshold = entry(Threshold(), "search for thresholds of motion")
     stages: tuple[Stage, ...] = Field(min_length=1, max_length=1000)
     measure: dict[Name, Measure] = Field({})
     measured: dict[Name, Measured] = Field({})
     record: Record = Record()
-    effects: dict[Name, dict[Name, float]] = Field({}, description="optional physics: parameters by effect")
+    effects: dict[Name, dict[Name, float]] = entry({}, "optional physics: parameters by effect")
 
     @property
     def periods_xy(self) -> tuple[float, float] | None:

@@ -5,11 +5,11 @@ from math import log
 from statistics import linear_regression
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from taichi_erosion.core.air_setup import Closure
 from taichi_erosion.core.setup import Coupling, DragLaw, Laws
-from taichi_erosion.scene.schema.fields import FARTHEST, Section, contradiction, extent, number
+from taichi_erosion.scene.schema.fields import FARTHEST, Section, contradiction, entry, extent, number
 
 Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
@@ -34,13 +34,13 @@ class Wind(Section):
     partition: float = number(1.0, "1", "friction velocity at the patch over the stated one", 1e-3, 1.0)
     density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
-    drag: DragLaw = Field(default=Laws.drag, description="law of drag on a grain")
+    drag: DragLaw = entry(Laws.drag, "law of drag on a grain")
     columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
-    closure: Closure = Field(
-        "mixing_length", description="turbulence closure; smagorinsky, or none, lets a grid have eddies"
+    closure: Closure = entry(
+        "mixing_length", "turbulence closure; smagorinsky, or none, lets a grid have eddies"
     )
-    drive: Literal["lid", "gradient"] = Field(
-        "lid", description="what gives the bed its stress: that of the lid, or a mean pressure gradient"
+    drive: Literal["lid", "gradient"] = entry(
+        "lid", "what gives the bed its stress: that of the lid, or a mean pressure gradient"
     )
     stir: float = number(1.0, "1", "deviation of the first velocities of a grid, over u*", 0.0, 10.0)
     turnovers: float = number(
@@ -97,12 +97,10 @@ class Threshold(Section):
     fall: float = number(0.07, "1", "share by which u* falls from step to step", 1e-3, 0.5)
     fall_hold: float = number(0.25, "s", "duration of such a step", 1e-6, LONGEST_HOLD)
     ceased: float = number(0.01, "1", "share of the first flux at which transport has ceased", 1e-6, 0.5)
-    steady_air: bool = Field(
-        default=False, description="transport that starts and falls: as a stage's steady_air, at every check"
+    steady_air: bool = entry(
+        False, "transport that starts and falls: as a stage's steady_air, at every check"
     )
-    landings: bool = Field(
-        default=True, description="grains that left a bed at rest land on it; false: they are carried off"
-    )
+    landings: bool = entry(True, "grains that left a bed at rest land on it; false: they are carried off")
     fetch: float = number(6.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)
     speed_ratio: float | None = number(
         None, "1", "u*/U of a tunnel of one's own, in place of the built-in map", 1e-3, 0.5

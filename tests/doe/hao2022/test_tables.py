@@ -53,10 +53,8 @@ def test_every_number_of_table_9_and_of_the_regression_comes_out_but_two():
     comparisons = audited(8).comparisons
     assert len(comparisons) == 66
     wrong = {(one.table, one.source, one.quantity): one.printed.text for one in comparisons if not one.agrees}
-    assert wrong == {
-        ("table_9.csv", "Lack of fit", "sum_of_squares"): "2.41",
-        ("equation", "CtGt", "coefficient"): "0.4675",
-    }
+    residual = {("table_9.csv", "Lack of fit", "sum_of_squares"): "2.41"}
+    assert wrong == residual | {("equation", "CtGt", "coefficient"): "0.4675"}
     assert figures_of_merit(fitted(8)).r2_predicted == pytest.approx(0.9073, abs=5e-5)
 
 

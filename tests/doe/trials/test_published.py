@@ -41,10 +41,9 @@ def test_thresholds_and_flux_are_those_of_the_reduced_model_and_the_impact_thres
     for name, effects in (("threshold_u_star", {"dry_cohesion": 1.0}), ("flux", {"gusts": 0.5})):
         want = reduced.model_mean(name, {"diameter": np.array(at["diameter"])}, given, effects)
         assert asked(name, at, given, **effects) == pytest.approx(want)
-    fluid, impact = (
-        asked(f"{name}_threshold_u_star", at, given | {"threshold_ratio": 0.8}, dry_cohesion=1.0)
-        for name in ("fluid", "impact")
-    )
+    stated = given | {"threshold_ratio": 0.8}
+    names = ("fluid_threshold_u_star", "impact_threshold_u_star")
+    fluid, impact = (asked(name, at, stated, dry_cohesion=1.0) for name in names)
     assert impact == pytest.approx(0.8 * fluid)
 
 

@@ -95,10 +95,9 @@ def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effec
     found = contacts_of(table).friction_rolling
     assert found[pair_row(SOIL, SOIL, 2)] == pytest.approx(2.0 * 0.69)
     assert found[pair_row(SOIL, STEEL, 2)] == 0.41
-    assert step_report(parse_scene(table))["rolling"] == [
-        "soil-soil: friction_rolling 1.38, which is 0.69 in EDEM (equal grains)",
-        "steel-soil: friction_rolling 0.41, which is 0.41 in EDEM",
-    ]
+    soil = "soil-soil: friction_rolling 1.38, which is 0.69 in EDEM (equal grains)"
+    steel = "steel-soil: friction_rolling 0.41, which is 0.41 in EDEM"
+    assert step_report(parse_scene(table))["rolling"] == [soil, steel]
     with pytest.raises(BadInput, match=r"contact\.steel-soil\.rolling_radius: at a wall"):
         parse_scene(changed("contact.steel-soil.rolling_radius", "grain"))
 

@@ -142,10 +142,8 @@ def test_the_same_seed_repeats_every_bit_and_another_seed_nothing(fill: dict[str
 def test_changing_the_sizes_leaves_the_places_of_rain_alone():
     table = equal_grains(RAIN | {"pitch": 2e-3}, 300)
     del table["fill"]["pitch_d"]
-    sizes = (
-        {"law": "lognormal", "median": DIAMETER, "sigma_log": s, "low": 1e-3, "high": 1.6e-3}
-        for s in (0.1, 0.2)
-    )
+    law = {"law": "lognormal", "median": DIAMETER, "low": 1e-3, "high": 1.6e-3}
+    sizes = (law | {"sigma_log": spread} for spread in (0.1, 0.2))
     first, other = (grains_of(table | {"grains": table["grains"] | {"size": size}}) for size in sizes)
     assert np.array_equal(first.position, other.position)
     assert not np.array_equal(first.radius, other.radius)
@@ -239,10 +237,8 @@ def test_grains_that_come_later_pass_the_inlets_then_open_among_those_that_wait(
 
 
 def test_a_kind_passes_the_inlets_that_let_it_pass():
-    inlets = {
-        "sand": {"centre": [-0.05, 0.0, 0.2], "radius": 0.02, "kind": "soil"},
-        "both": {"centre": [0.05, 0.0, 0.2], "radius": 0.02},
-    }
+    both = {"centre": [0.05, 0.0, 0.2], "radius": 0.02}
+    inlets = {"sand": {"centre": [-0.05, 0.0, 0.2], "radius": 0.02, "kind": "soil"}, "both": both}
     setup = build_inlets(inlets, kinds=KINDS)
     steel = setup.grains.material == setup.materials.index("steel")
     left = setup.grains.position[:, 0] < 0.0

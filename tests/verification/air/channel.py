@@ -71,13 +71,9 @@ def steady_errors(layers: int, whole_grid: bool) -> list[float]:
 def between_side_walls() -> float:
     """Largest error of Poiseuille flow between walls normal to y, over its maximum."""
     n = ACROSS_CELLS
-    setup = box(
-        (2, n, 2),
-        (1.0, 1.0, 1.0),
-        sides=sides(y_low=WALL, y_high=WALL),
-        driving_gradient=(-8.0, 0.0, 0.0),
-        time_step=ACROSS_STEP / n**2,
-    )
+    walls, step = sides(y_low=WALL, y_high=WALL), ACROSS_STEP / n**2
+    forced = {"driving_gradient": (-8.0, 0.0, 0.0), "time_step": step}
+    setup = box((2, n, 2), (1.0, 1.0, 1.0), sides=walls, **forced)
     air = air_of([setup])
     advance_air(air, ACROSS_STEPS)
     y = centres(air_setup.equal_cell_faces(0.0, 1.0, n))

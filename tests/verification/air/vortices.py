@@ -107,14 +107,8 @@ def vortices(cells: int, steps: int, viscosity: float, squeezed: float = 1.0) ->
     start = np.zeros((3, 2 * cells, 1, cells))
     start[0, :, 0, :] = np.sin(x)[:, None] * np.cos(centres(faces))
     start[2, :, 0, :] = -np.cos(x + 0.5 * SIDE / cells)[:, None] * np.sin(faces[:-1])
-    return box(
-        (2 * cells, 1, cells),
-        (2.0 * SIDE, 1.0, SIDE),
-        faces_z=faces,
-        viscosity=viscosity,
-        time_step=DURATION / steps,
-        start=start,
-    )
+    shape, extents, step = (2 * cells, 1, cells), (2.0 * SIDE, 1.0, SIDE), DURATION / steps
+    return box(shape, extents, faces_z=faces, viscosity=viscosity, time_step=step, start=start)
 
 
 def horizontal(setup: AirSetup, steps: int, tolerance: float = TOLERANCE) -> Floats:
@@ -146,10 +140,8 @@ def energy_rise() -> float:
 
 def taylor_green() -> Iterator[Outcome]:
     """V26: orders of at least 1.9, in time against short steps; no growth of energy beyond rounding."""
-    *flows, reference = (
-        horizontal(vortices(TIME_GRID, steps, VISCOSITY), steps, EXACT)
-        for steps in (*STEPS, STEPS[-1] * REFINED)
-    )
+    counts = (*STEPS, STEPS[-1] * REFINED)
+    *flows, reference = (horizontal(vortices(TIME_GRID, n, VISCOSITY), n, EXACT) for n in counts)
     for words, errors in (
         (", equal cells: order in space", [space_error(cells, 1.0) for cells in GRIDS]),
         (", stretched cells: order in space", [space_error(cells, SQUEEZED) for cells in GRIDS]),

@@ -31,12 +31,9 @@ LATTICE = 1.1  # grain diameters between the centres of a loose filling [1]
 
 def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> small.Touch:
     """Contact of two soft glass grains; walls are given the same."""
-    return replace(
-        small.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
-        friction_rolling=friction_rolling,
-        rolling_damping=0.3,
-        surface_energy=surface_energy,
-    )
+    touch = small.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction)
+    rolling = {"friction_rolling": friction_rolling, "rolling_damping": 0.3}
+    return replace(touch, surface_energy=surface_energy, **rolling)
 
 
 def loose_grains(

@@ -58,20 +58,16 @@ def cluster(wall: bool) -> Setup:
     spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
     impact = small.head_on(TOUCH, DENSITY, SPEED, RADIUS, RADIUS)
     grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
-    return small.sphere_setup(
-        grains, TOUCH, impact.duration / 100.0, small.FLAT if wall else small.NONE, small.GRAVITY
-    )
+    walls, step = small.FLAT if wall else small.NONE, impact.duration / 100.0
+    return small.sphere_setup(grains, TOUCH, step, walls, small.GRAVITY)
 
 
 def seen(setup: Setup, view: View) -> Setup:
     """The scene in another view; spins turn with the sign of the determinant."""
     matrix, old = view.matrix, setup.grains
-    grains = replace(
-        old,
-        position=(old.position @ matrix.T)[view.order],
-        velocity=(old.velocity @ matrix.T + view.drift)[view.order],
-        spin=(np.linalg.det(matrix) * old.spin @ matrix.T)[view.order],
-    )
+    position, velocity = old.position @ matrix.T, old.velocity @ matrix.T + view.drift
+    turned = {"position": position, "velocity": velocity, "spin": np.linalg.det(matrix) * old.spin @ matrix.T}
+    grains = replace(old, **{name: column[view.order] for name, column in turned.items()})
     shape = setup.primitives.shape.copy()
     shape[:, 0:3], shape[:, 3:6] = shape[:, 0:3] @ matrix.T, shape[:, 3:6] @ matrix.T
     x, y, z = map(float, matrix @ np.array(setup.gravity))
@@ -92,12 +88,9 @@ def invariance() -> Iterator[Outcome]:
     one, still, ahead = np.eye(3), np.zeros(3), np.arange(7)
     plain = View("as it is", one, still, ahead)
     # a moving frame would set the floor in motion: it is tried without one
-    views = [
-        View("moving frame", one, SHIFT, ahead),
-        View("turned scene", TURN, still, ahead),
-        View("mirror image", MIRROR, still, ahead),
-        View("grains numbered backwards", one, still, ahead[::-1]),
-    ]
+    views = [View("moving frame", one, SHIFT, ahead), View("turned scene", TURN, still, ahead)]
+    views.append(View("mirror image", MIRROR, still, ahead))
+    views.append(View("grains numbered backwards", one, still, ahead[::-1]))
     with_wall, without = cluster(wall=True), cluster(wall=False)
     bare = [without if view.drift.any() else with_wall for view in views]
     setups = [with_wall, without, *(map(seen, bare, views))]

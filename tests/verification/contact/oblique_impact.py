@@ -185,10 +185,8 @@ def equal_spins() -> Iterator[Outcome]:
         ends = small.final_states(setups, [400.0 * setup.time_step for setup in setups], precision)
         spin = [end.spin - setup.grains.spin for setup, end in zip(setups, ends, strict=True)]
         yield below("T7: change of spin [rad/s]", np.ravel(spin), limit, precision)
-        drift = [
-            end.velocity - np.outer(end.velocity @ direction, direction)
-            for (_, direction, _), end in zip(choices, ends, strict=True)
-        ]
+        pairs = zip((direction for _, direction, _ in choices), ends, strict=True)
+        drift = [end.velocity - np.outer(end.velocity @ direction, direction) for direction, end in pairs]
         yield below("T7: tangential speed after [m/s]", np.ravel(drift), limit, precision)
 
 

@@ -72,10 +72,8 @@ def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
     rows = slice(first, first + len(sim.setups[replica].grains.mass))
     mass = 1.0 / download_field(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
     frozen = sim.world.frozen_drag
-    momenta, applied, pressure = (
-        mass * download_field(field)[rows]
-        for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
-    )
+    fields = sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration
+    momenta, applied, pressure = (mass * download_field(field)[rows] for field in fields)
     # drag applied since the last exchange is not yet subtracted from the residual
     kept = download_field(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(axis=0)
     size = float(np.linalg.norm(momenta, axis=1).sum())
@@ -205,20 +203,13 @@ def bed_setup(columns: tuple[int, int]) -> Setup:
     setup = small.sphere_setup(small.regular_bed(DIAMETER, HEAVY, OPEN, BED_CELLS), SOFT, WIND_STEP)
     faces = bed_faces(0.0, surface + DIAMETER, LID, 0.25 * DIAMETER, 1.2)
     still = small.still_air(faces, patch, DENSITY, VISCOSITY)
-    air = replace(
-        still,
-        model=AirModel("mixing_length", "none", "euler", exchange=True),
-        time_step=WIND_STEP,
-        ground=surface,
-        sides=still.sides | {"z_low": AirSide("wall")},
-    )
+    model = AirModel("mixing_length", "none", "euler", exchange=True)
+    ends = still.sides | {"z_low": AirSide("wall")}
+    air = replace(still, model=model, time_step=WIND_STEP, ground=surface, sides=ends)
     if columns != (1, 1):
-        air = replace(
-            air,
-            cells=(*columns, air.cells[2]),
-            model=AirModel("mixing_length", exchange=True),
-            initial_turbulence=InitialTurbulence(0.0, TURNOVERS, DIAMETER / 30.0, 1),
-        )
+        counts, start = (*columns, air.cells[2]), InitialTurbulence(0.0, TURNOVERS, DIAMETER / 30.0, 1)
+        model = AirModel("mixing_length", exchange=True)
+        air = replace(air, cells=counts, model=model, initial_turbulence=start)
     return small.in_air(replace(setup, overlap_limit=2.0), air, Coupling(look_steps=1, surface=surface), LID)
 
 

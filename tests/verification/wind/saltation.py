@@ -193,12 +193,6 @@ def winds_over_beds(sands: Sequence[Sand]) -> list[Callable[[float], WindProfile
     return [bed_wind(sim, k, each.diameter) for k, each in enumerate(sands)]
 
 
-def hopping_alone(sizes: Sequence[float]) -> list[float]:
-    """Lowest winds in which one grain goes on over beds of such grains [m s-1]."""
-    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
-    return list(map(hopping_threshold, sands, winds_over_beds(sands)))
-
-
 def saltation() -> Iterator[Outcome]:
     """V36."""
     patches = [*((1.0, patch) for patch in (*STEADY, *MORE)), *((LARGER, patch) for patch in STEADY)]
@@ -207,7 +201,8 @@ def saltation() -> Iterator[Outcome]:
     table["wind"] = [sqrt(size) * patch.wind for size, patch in patches]
     sizes, groups = zip(*table.groupby("size"), strict=True)
     first, second = map(vanishing, groups)
-    alone = hopping_alone(sizes)
+    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
+    alone = list(map(hopping_threshold, sands, winds_over_beds(sands)))  # lowest winds of one grain [m s-1]
     yield from impact_outcomes(first, second, alone)
     yield from flux_outcomes(groups[0], first)
     for size, winds, hopping in zip(sizes, groups, alone, strict=True):
