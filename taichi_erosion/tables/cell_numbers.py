@@ -75,7 +75,7 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
     Between columns that commas separate, groups of three digits behind a comma are thousands.
     """
     numbers = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
-    commas, points = (sum(mark in number for number in numbers) for mark in ",.")
+    commas, points = (sum(number.count(mark) == 1 for number in numbers) for mark in ",.")
     return commas > points and (separator != "," or any(re.search(r",(?!\d{3}\b)", n) for n in numbers))
 
 

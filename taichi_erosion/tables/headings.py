@@ -273,11 +273,13 @@ def meaning_of(heading: str) -> tuple[Role, str]:
         return whole, ""  # pyright: ignore[reportReturnType]
     length, kind, meaning = longest_word(heading, *KINDS)
     scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
+    other, _, role = longest_word(heading, "roles")
+    if not length and {scatter, role} & {"n", "remark"} and has_word(heading, known_words()["things"]["n"]):
+        return "unknown", ""  # a number of passes
     if scatter is not None and words_beside_quantity(heading):
         if kind == "conditions":
             return ("condition_sd", meaning) if scatter == "sd" else ("remark", "")
         return scatter, ""
-    other, _, role = longest_word(heading, "roles")
     if longest_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
         return "unknown", ""
     if other and (not length or (role in SCATTER and other > length)):

@@ -189,6 +189,13 @@ def common_last_digit_size(values: Floats) -> float:
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
+def mean_of_repeats(results: Sequence[Floats]) -> Floats:
+    """Mean (n,) of repeats side by side, with as many digits as they have."""
+    mean = np.mean(results, axis=0)
+    digit = min(common_last_digit_size(each[np.isfinite(each)]) for each in results)
+    return np.round(mean / digit) * digit if digit else mean
+
+
 def column_affects_result(values: Floats, result: Floats, rest: Floats) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)

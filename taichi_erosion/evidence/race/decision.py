@@ -29,7 +29,7 @@ from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SHARED, SURE, Priors
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SHARED, STRAIGHT, SURE, Priors
 from taichi_erosion.evidence.race.search import prior
 from taichi_erosion.evidence.record import DecisionPart, Verdict
 from taichi_erosion.tables.number_columns import column_affects_result, variance_left_by_parabola
@@ -79,8 +79,10 @@ def decide_cause(posterior: Posterior) -> Decision:
     both = tuple(name for name, p in sound.items() if p >= SURE)
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
-    if imitators := imitating_conditions(race, named, group):
-        named, group = (), ()
+    imitators = imitating_conditions(race, named, group)
+    named, group = (
+        ((), ()) if {*group} & {*imitators} else (tuple(n for n in named if n not in imitators), group)
+    )
     single = sound if refuted or imitators or named else inclusion | sound
     leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
@@ -141,10 +143,14 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
 
 
 def imitates(column: Floats, change: Floats) -> bool:
-    """Whether a parabola of a condition makes a change of the rows, and not by chance."""
-    column, same = np.nan_to_num(column), np.zeros(change.size)
-    acts = column_affects_result(column, change, same)
-    return acts and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
+    """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
+
+    Rows alike in both count once: repeats show nothing of it.
+    """
+    column, change = np.unique([np.nan_to_num(column), change], axis=1)
+    same = np.zeros(change.size)
+    acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT
+    return bool(acts) and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
 
 
 def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:
@@ -152,7 +158,7 @@ def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:
     race = posterior.race
     if decision.verdict == "none_detected":
         return race.bare
-    alone = race.fits.get(Hypothesis(tuple(sorted(decision.named))))
+    alone = race.fits.get(Hypothesis(tuple(sorted((*decision.named, *decision.imitators)))))
     if decision.verdict == "present" and alone is not None:
         return alone
     share = posterior.probability

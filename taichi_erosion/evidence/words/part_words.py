@@ -242,7 +242,8 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
         outside = {*record.acting_mechanisms}.difference(record.effects)
-        return f"Missing: {words}{open_}.{' Not in the list of effects.' * bool(outside)}"
+        more = f" {imitation_text(record, voc)}" * bool(record.imitators)
+        return f"Missing: {words}{open_}.{' Not in the list of effects.' * bool(outside)}{more}"
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"
         chance = say.probability_text(record.unlisted)
@@ -329,14 +330,20 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     return f"No effect is named: {state}. Of all explanations {best}."
 
 
+def imitation_text(record: Record, voc: say.Vocabulary) -> str:
+    """`A would explain the data, but so would clay; ...`, of columns that vary with an effect's condition."""
+    names = say.join_words(map(voc.effect_title, record.imitators), "or")
+    at = say.join_words(map(say.in_words, dict.fromkeys(sum(record.imitators.values(), ()))), "or")
+    why = "in these rows the two vary together, and either may act: measure at one value of it"
+    other = "begin its heading with 'note' if it cannot act"
+    return f"{names} would explain the data, but so would {at}; {why}, or {other}."
+
+
 def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
     best, parts_of_best = record.refuted, [record.effects[name] for name in record.refuted]
     if record.imitators:
-        names = say.join_words(map(voc.effect_title, record.imitators), "or")
-        at = say.join_words(map(say.in_words, dict.fromkeys(sum(record.imitators.values(), ()))), "or")
-        why = "in these rows the two vary together, and either may act: measure at one value of it"
-        return f"No effect is named: {names} would explain the data, but so would {at}; {why}."
+        return f"No effect is named: {imitation_text(record, voc)}"
     why = "the rows contradict its law: it acts in another way, or something else acts"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"

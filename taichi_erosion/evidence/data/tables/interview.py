@@ -42,6 +42,7 @@ from taichi_erosion.tables.headings import (
     HEIGHT,
     SCATTER,
     WINDS,
+    has_word,
     heading_holds_value,
     is_summary_word,
     known_words,
@@ -53,6 +54,7 @@ from taichi_erosion.tables.number_columns import (
     AGAIN,
     follows,
     is_height,
+    mean_of_repeats,
     non_conditions,
     own_name,
     ranges_of,
@@ -68,7 +70,7 @@ SPREADS = {"sd": "the standard deviation of single repeats", "se": "the standard
 SPREADS |= {NOT_USED: "not used"}
 BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
-COMPUTED = "begin its heading with 'note' if it is computed from it, or say"
+ASKED, COMPUTED = "asked", "begin its heading with 'note' if it is computed from it, or say"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
@@ -282,16 +284,23 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
     filled = [*down] if reading.options.fill_down else rows
-    labels = [c.place for c in columns if c.role in ("group", "source")]
+    labels = [c.place for c in columns if c.role == "group"]
     named = ["|".join(row[k] for k in labels) for row in filled]
     set_ups = np.unique(named, return_inverse=True)[1].astype(np.float64)
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
-    known = [c.heading.text for c in unread if c.name.startswith(CONDITION) and not (c.unread or c.unclear)]
-    results += [np.mean(results, axis=0)]  # of repeats side by side
-    why = non_conditions(cells, results, {c.heading.text: values[c] for c in others}, set_ups, known)
-    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason != AGAIN]:
+    known = [
+        c for c in unread if c.name.startswith(CONDITION) and not (c.unread or c.unclear or c.name in WINDS)
+    ]
+    results += [mean_of_repeats(results)]
+    why = non_conditions(
+        cells, results, {c.heading.text: values[c] for c in others}, set_ups, [c.heading.text for c in known]
+    )
+    for text in (text for text, reason in why.items() if reason == AGAIN):
+        computed = has_word(text, known_words()["computed"]["words"]) and (others or len(why) < len(cells))
+        why[text] = AGAIN if computed else ASKED
+    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason != ASKED]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
     alone = [c for c, x in values.items() if follows(x, set_ups)]
     alone = alone if len(alone) < len(values) else []
@@ -309,7 +318,7 @@ def settle_unread_columns(
     names = [*RESERVED, *(c.title for c in columns if c.role == "condition" and c not in why)]
     for column in columns:
         reason, text = why.get(column), column.heading.text
-        if reason == AGAIN:
+        if reason == ASKED:
             condition = f"{column.heading.name}={column.heading.unit or 'UNIT'}"
             column = reading.reject(column, f"{AGAIN}: {COMPUTED} --condition '{condition}' where it was set")
         elif reason:
