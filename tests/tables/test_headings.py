@@ -50,6 +50,7 @@ moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; rep
 u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
+Number of passes; No. of wet-dry cycles; Anzahl Überfahrten; Cycles (n); 碾压次数
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
 days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)

@@ -141,7 +141,11 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
     cell, exact = repeat_group_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, usual = np.where(table.n >= 1.0, table.n, 1.0), observable.transform == "identity"
-    shapes = np.array([steepness, np.abs(value) * steepness])[:: 1 if usual else -1]  # of sd; usual first
+    typical = np.array(
+        [np.median(np.abs(value[cell == each])) for each in cell]
+    )  # a slip has no weight of its own
+    steep = np.abs(slope(observable, typical))
+    shapes = np.array([steep, typical * steep])[:: 1 if usual else -1]  # of sd; usual first
     sd, design = np.abs(table.sd * steepness), set_up_and_source_numbers(table)
     scatter = measurement_scatter(exact, sd, repeats, cell, shapes, design)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)

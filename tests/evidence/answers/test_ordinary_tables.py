@@ -11,6 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
+from taichi_erosion.evidence.race.decision import imitates
 from tests.evidence.asking import SILENT, ask
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
@@ -319,6 +320,8 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     reply = answer(study_of(tmp_path, "", "\n".join([heading, *rows, ""])))
     assert (reply.record.named, reply.record.imitators) == ((), {"liquid_bridge": ("clay_fraction",)})
     assert "but so would clay fraction" in reply.answer().lines[0]
+    change, column = np.array([0.0, 0.11, 0.17, 0.24]), np.array([1.52, 1.47, 1.44, 1.38])
+    assert not imitates(np.repeat(column, 3), np.repeat(change, 3)), "repeats show nothing of it"
     (mixed := tmp_path / "mixed").mkdir()
     apart = [
         row.replace(f"{c};", f"{d};", 1) for c, d, row in zip(clay, clay[3:] + clay[:3], rows, strict=True)

@@ -444,3 +444,26 @@ def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
     book.save(content)
     with pytest.raises(BadInput, match="row 3 is hidden"):
         measured(tmp_path, content.getvalue(), "t.xlsx")
+
+
+def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_none(tmp_path):
+    acid = np.random.default_rng(5).normal(7.0, 0.2, (3, 6))
+    angle = "{};{};{:.2f};{:.1f}".format
+    blocks = [angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * (w % 2)) for b in range(3) for w in range(6)]
+    found, told = measured(tmp_path, "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""]))
+    assert ([*found.conditions], found.size) == (["moisture"], 18)
+    assert "'pH' (it differs between repeats" in " ".join(told)
+    rows = [f"{'AB'[k % 2]};{500 * k};{0.25 + 0.01 * k:.3f};0.01;3" for k in range(8)]
+    heights = "\n".join(["operator;altitude (m);u*t (m/s);SD;n", *rows, ""])
+    assert "altitude" in measured(tmp_path, heights, "h.csv", diameter="0.2 mm")[0].conditions
+
+
+def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(tmp_path):
+    repeats = (
+        np.random.default_rng(3)
+        .normal([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]], 0.01, (7, 3))
+        .round(3)
+    )
+    rows = [f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}" for w, u in enumerate(repeats)]
+    text = "\n".join(["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows, ""])
+    assert {*measured(tmp_path, text, diameter="0.2 mm")[0].conditions} == {"moisture", "diameter"}
