@@ -256,9 +256,11 @@ class StudyFile(Section):
 
     @model_validator(mode="after")
     def _require_scene_of_observables(self) -> "StudyFile":
-        for name, asked in self.observables.items():
-            if (asked.scene is None) == (self.study.model is None):
-                word = "missing, as is study.model" if asked.scene is None else "given, and study.model too"
+        for name, observable in self.observables.items():
+            if (observable.scene is None) == (self.study.model is None):
+                word = (
+                    "missing, as is study.model" if observable.scene is None else "given, and study.model too"
+                )
                 raise contradiction(f"observables.{name}.scene is {word}; exactly one must answer")
         return self
 

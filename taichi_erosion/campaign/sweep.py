@@ -76,8 +76,8 @@ def sweep_point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoi
     """One measure of the runs of one value; values that say nothing are left out and told."""
     measures = [result.record.get("measures", {}).get(name, {}) for result in results]
     blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in measures]
-    said = [(result.value(name), one.get("sd")) for result, one in zip(results, measures, strict=True)]
-    values = [pair for pair, block in zip(said, blocking, strict=True) if isfinite(pair[0]) and not block]
+    pairs = [(result.value(name), one.get("sd")) for result, one in zip(results, measures, strict=True)]
+    values = [pair for pair, block in zip(pairs, blocking, strict=True) if isfinite(pair[0]) and not block]
     notes = [result.failure or result.record.get("stopped") for result in results]
     lacks = (lack for one in measures for lack in one.get("shortfalls", ()))
     notes += [lack["sentence"] for lack in lacks if not lack["stated"]]

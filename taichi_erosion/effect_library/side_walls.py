@@ -52,8 +52,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     }
     rubbing = {f"{grain}-{PANE}": contact.model_copy(update={"friction_sliding": friction})}
     materials = scene.materials | {PANE: scene.materials[grain]}
-    added = {"materials": materials, "contact": scene.contact | rubbing, "geometry": scene.geometry | walls}
-    return scene.model_copy(update=added)
+    update = {"materials": materials, "contact": scene.contact | rubbing, "geometry": scene.geometry | walls}
+    return scene.model_copy(update=update)
 
 
 def checks(probe: Probe) -> Checks:

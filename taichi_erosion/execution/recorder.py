@@ -53,8 +53,8 @@ def open_recorder(path: Path, title: str, text: str, sim: Simulation, scene: Sce
     """Begin the recording of a replica; `text` is the scene as it is run. Raises BadInput."""
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
-    kept = {"contacts": scene.record.contacts, "fields": scene.record.fields}
-    header = stream.RunHeader(title, scene.scene.kind or "own", text, setup.grains.radius, walls, **kept)
+    extras = {"contacts": scene.record.contacts, "fields": scene.record.fields}
+    header = stream.RunHeader(title, scene.scene.kind or "own", text, setup.grains.radius, walls, **extras)
     recording = stream.open_recording(path, header)
     stream.log_colour_legend(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)

@@ -74,8 +74,8 @@ def record_study(path: Path, page: StudyPage) -> Path:
 
 def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     """Runs side by side above, figures and texts below; without runs the figures have the room."""
-    found = rrb.TextDocumentView(name="What was found", origin="/summary")
-    texts = rrb.Tabs(found, rrb.TextDocumentView(name="All runs", origin="/table"))
+    summary = rrb.TextDocumentView(name="What was summary", origin="/summary")
+    texts = rrb.Tabs(summary, rrb.TextDocumentView(name="All runs", origin="/table"))
     figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity_path(name)}") for name in page.figures]
     if not films:
         return blueprint.add_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))

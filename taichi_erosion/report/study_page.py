@@ -145,8 +145,8 @@ def answer_page(
         causes += [figures.posterior_picture(record)]
         causes += [figures.strength_picture(record)] if record.effects else []
     adoption = records.get("adopt", leading)
-    added = page_words.added_effects_text(adoption)
-    misfits = [figures.misfit_before_after_picture(adoption)] if added else []
+    effects = page_words.added_effects_text(adoption)
+    misfits = [figures.misfit_before_after_picture(adoption)] if effects else []
     numbers = [figures.calibrated_number_picture(adoption)] if adoption.parameters else []
     columns = causes, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]

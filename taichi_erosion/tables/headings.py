@@ -120,8 +120,8 @@ def unit_and_words(text: str) -> tuple[str, str]:
         return nested.unit, nested.name
     for match in SEPARATOR.finditer(text):
         first, rest = text[: match.start()], text[match.end() :]
-        stated = match[0].strip() in (",", ";", ":") or is_surely_a_unit(first)
-        if stated and not unit_in(rest) and (spelt := unit_in(first)):
+        is_stated = match[0].strip() in (",", ";", ":") or is_surely_a_unit(first)
+        if is_stated and not unit_in(rest) and (spelt := unit_in(first)):
             return spelt, rest
     return unit_at_end(text) if re.search(r"[,;:]|[^\W_]{3}", text) else ("", text)
 

@@ -242,7 +242,7 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
         outside = {*record.acting_mechanisms}.difference(record.effects)
-        more = f" {imitation_text(record, voc)}" * bool(record.imitators)
+        more = f" Also: {imitation_text(record, voc)}" * bool(record.imitators)
         return f"Missing: {words}{open_}.{' Not in the list of effects.' * bool(outside)}{more}"
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"

@@ -290,13 +290,11 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
-    known = [
-        c for c in unread if c.name.startswith(CONDITION) and not (c.unread or c.unclear or c.name in WINDS)
-    ]
+    clear = (c for c in unread if not (c.unread or c.unclear or c.name in WINDS))
+    conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     results += [mean_of_repeats(results)]
-    why = non_conditions(
-        cells, results, {c.heading.text: values[c] for c in others}, set_ups, [c.heading.text for c in known]
-    )
+    by_heading = {c.heading.text: values[c] for c in others}
+    why = non_conditions(cells, results, by_heading, set_ups, conditions)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, known_words()["computed"]["words"]) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
@@ -324,8 +322,8 @@ def settle_unread_columns(
         elif reason:
             column = replace(column, role="remark")
         elif reason == "" and column.name not in (reading.options.reads or ()):
-            told = f"column '{text}' is kept as a condition; {UNREAD}{BY_SET_UP * (column in alone)}"
-            reading.interview.assume(told)
+            note = f"column '{text}' is kept as a condition; {UNREAD}{BY_SET_UP * (column in alone)}"
+            reading.interview.assume(note)
             if column.unclear or not column.name.startswith(CONDITION):  # a grass cover is no salinity
                 name = own_name(column.heading.name, names, column.place)
                 column = replace(column, name=CONDITION + name, title=name, unclear="")
