@@ -237,6 +237,7 @@ class HeldOutPart:
     adopted: tuple[str, ...] = ()  # effects that are tested
     wrong_effect: str = ""  # the random one
     alike: Mapping[str, float] = field(default_factory=dict)  # conditions that vary in fitted rows alone
+    slips: tuple[int, ...] = ()  # rows of the table that are about ten times too large or too small
 
     @computed_field
     @property

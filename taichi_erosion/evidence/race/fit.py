@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
@@ -148,19 +149,17 @@ def row_scatter(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scal
     return index.astype(np.int64), sum(parts, Scales.empty())
 
 
-def slips_of_decimal_point(prepared: PreparedProblem) -> Floats:
+def slips_of_decimal_point(rows: ComparisonRows, sd: Floats) -> Floats:
     """What a value ten times too large, and one ten times too small, adds to each whitened row (n, 2).
 
-    NaN for limits, means of several rows, and rows with errors in common.
+    NaN for limits and means of several rows; `sd` (n,) is NaN where rows have errors in common.
     """
-    rows, change = prepared.rows, np.full((prepared.rows.size, 2), np.nan)
-    if prepared.error_correlation_of_rows is not None:
-        return change
+    change = np.full((rows.size, 2), np.nan)
     for index, observable in enumerate(rows.observables):
         single = (rows.which == index) & ~rows.censored & [len(each) == 1 for each in rows.lines]
         value = from_scale(observable, rows.z[single])[:, np.newaxis] * np.array([0.1, 10.0])
         gap = rows.z[single, np.newaxis] - to_scale(observable, value)
-        change[single] = gap / prepared.row_sd[single, np.newaxis]
+        change[single] = gap / sd[single, np.newaxis]
     return change
 
 
@@ -181,7 +180,8 @@ class Race:
         large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
-        self.slips = slips_of_decimal_point(self.prepared)
+        apart = np.nan if self.prepared.error_correlation_of_rows is not None else 1.0
+        self.slips = slips_of_decimal_point(rows, apart * sd)
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""

@@ -37,7 +37,7 @@ from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, error_blocks, unlisted_blocks
 from taichi_erosion.evidence.race.doses import dosing_of_fit
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import UNLISTED, Doses, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import UNLISTED, Doses, Fit, Hypothesis, Race, slips_of_decimal_point
 from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.posterior import Posterior, draw_scales
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
@@ -45,6 +45,7 @@ from taichi_erosion.evidence.record import HeldOutPart, Interval
 
 SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
 FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to it
+CHANCE_GAP = 3.0  # sd of a held-out row whose decimal point is moved, up to which it fits
 
 
 @dataclass(frozen=True)
@@ -322,7 +323,10 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     errors = (int(good.sum()), before, after, control)
     pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
     alike = {key: float(x[0]) for key, (x, others) in pairs.items() if np.ptp(x) == 0.0 < np.ptp(others)}
-    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike)
+    gap = (rows.z - outlooks[1].mean(False)) / size
+    moved = np.nanmin(np.abs(gap[:, np.newaxis] - slips_of_decimal_point(rows, size)), axis=1, initial=np.inf)
+    slips = tuple(rows.lines[k][0] for k in np.flatnonzero((moved < CHANCE_GAP) & (np.abs(gap) > BAD_SD)))
+    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike, slips)
 
 
 def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools) -> float:

@@ -176,16 +176,20 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     way = "falls" if after < before else "rises"
     misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.p_text(p)})" for name, p in misfits.items() if p < ADEQUATE]
+    at = say.join_words(map(str, vault.slips))
+    slip = f"Check row {at} of the table: ten times too large or too small? Correct it, adopt again" * bool(
+        at
+    )
     if not part_words.naming_lowers_misfit(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
         fitted = " to ".join(plain(each, 2) for each in ends)
         first = f"The model is no better with {names}: the error of fitted rows goes from {fitted}"
-        return f"{first}, that of {rows} {change}. Do not adopt.", "", last
+        return f"{first}, that of {rows} {change}. Do not adopt.", "", slip or last
     if failing:
         last = f"Go on with {voc.sequel}: {voc.command('discover', voc.sequel)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
-        return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
+        return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), slip or last
     remainder = f"what is left is chance ({say.p_text(vault.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {remainder}."
     if after >= before:

@@ -283,7 +283,7 @@ def test_preparations_that_differ_more_than_repeats_are_no_trend_along_a_conditi
     assert any(each.p_as_stated < each.p for each in places)
 
 
-@pytest.mark.parametrize(("factor", "row"), [(0.1, 4), (10.0, 1)])
+@pytest.mark.parametrize(("factor", "row"), [(0.1, 4), (10.0, 1), (0.1, 8)])
 def test_a_slip_of_the_decimal_point_hides_no_effect_and_is_named(tmp_path, factor, row):
     moisture, random = 0.5 * np.arange(14.0), np.random.default_rng(4)
     speed = 0.22 * np.sqrt(1.0 + 1.2 * 1.21 * moisture**0.68) * np.exp(0.02 * random.standard_normal(14))
@@ -293,7 +293,9 @@ def test_a_slip_of_the_decimal_point_hides_no_effect_and_is_named(tmp_path, fact
     record = answer(study).record
     assert record.named == ("liquid_bridge",)
     assert record.effects["liquid_bridge"].strength == pytest.approx(1.2, abs=0.3)
-    assert [each.label for each in record.errors if each.kind == "row"] == [str(row + 2)]
+    fitted = [each.label for each in record.errors if each.kind == "row"]
+    adoption = None if fitted else ask("adopt", study.path, "liquid_bridge")  # of a row that is held out
+    assert fitted == [str(row + 2)] or f"Check row {row + 2}" in adoption.answer().lines[-1]
 
 
 def test_what_the_result_follows_alone_is_a_condition_though_it_differs_between_repeats(tmp_path):
