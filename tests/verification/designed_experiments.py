@@ -65,7 +65,7 @@ def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
     linear = fitted(screening, 20.0 + screening.coded @ SCREENED, "linear")
     yield below("Plackett-Burman: error of nine slopes", linear.coefficients[1:] - SCREENED, ROUNDING, "f64")
     kept = fits.model_matrix(screening.coded, fits.model_terms(9, "linear"))
-    left_out = fits.model_matrix(screening.coded, fits.interaction_terms(9))[:, 1:]
+    left_out = fits.model_matrix(screening.coded, fits.interaction_terms(9, 2))[:, 1:]
     strengths = np.linspace(-1.0, 1.0, left_out.shape[1])
     mixed = fitted(screening, left_out @ strengths, "linear")
     predicted = np.linalg.lstsq(kept, left_out, rcond=None)[0] @ strengths

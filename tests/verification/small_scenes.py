@@ -155,9 +155,14 @@ def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> 
     return replace(setup, air=air, coupling=coupling, domain=(low, high), period=period)
 
 
+def lattice_edge(diameter: float, void: float) -> float:
+    """Edge of a cell of four spheres that leaves `void` of its volume free [m]."""
+    return (4.0 * np.pi / 6.0 / (1.0 - void)) ** (1.0 / 3.0) * diameter
+
+
 def regular_bed(diameter: float, density: float, void: float, cells: tuple[int, int, int]) -> GrainTable:
     """A face-centred cubic lattice of spheres from the origin that leaves `void` of its volume free."""
-    edge = (4.0 * np.pi / 6.0 / (1.0 - void)) ** (1.0 / 3.0) * diameter  # of a cell of four spheres
+    edge = lattice_edge(diameter, void)
     base = edge * np.array([(0.25, 0.25, 0.25), (0.75, 0.75, 0.25), (0.25, 0.75, 0.75), (0.75, 0.25, 0.75)])
     corner = edge * np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 1, 3)
     place = (corner + base).reshape(-1, 3)
