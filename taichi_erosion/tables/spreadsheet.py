@@ -392,12 +392,14 @@ def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row.
 
-    Or one of a statistic of them, `F`, `LSD`, `Tukey HSD`, with fewer cells than they have or a long word.
+    Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, or by a word that names
+    nothing else; `slope` may be a site.
     """
     label = next(filter(None, row), "")
     words, filled = re.findall(r"[^\W\d_]+2?", label.casefold()), [sum(map(bool, r)) for _, r in cells.lines]
-    fewer = sum(map(bool, row)) < sorted(filled)[len(filled) // 2] or max(map(len, words), default=0) > 2
-    if words and fewer and {*words} <= {*known_words()["rows"]["statistic"]}:
+    fewer = sum(map(bool, row)) < sorted(filled)[len(filled) // 2]
+    clear = max(map(len, words), default=0) > 2 and meaning_of(label)[0] != "condition"
+    if words and (fewer or clear) and {*words} <= {*known_words()["rows"]["statistic"]}:
         return label
     at, word = [row[k] for k in conditions], next(filter(is_summary_word, row), "")
     rest = (each for _, each in cells.lines if word not in each)

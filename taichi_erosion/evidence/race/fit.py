@@ -180,8 +180,8 @@ class Race:
         large = unlisted_blocks(rows, finite, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
-        apart = np.nan if self.prepared.error_correlation_of_rows is not None else 1.0
-        self.slips = slips_of_decimal_point(rows, apart * sd)
+        independent = self.prepared.error_correlation_of_rows is None
+        self.slips = slips_of_decimal_point(rows, sd if independent else np.full(sd.size, np.nan))
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""

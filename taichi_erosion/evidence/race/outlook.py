@@ -45,7 +45,7 @@ from taichi_erosion.evidence.record import HeldOutPart, Interval
 
 SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
 FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to it
-CHANCE_GAP = 3.0  # sd of a held-out row whose decimal point is moved, up to which it fits
+SLIP_GAP = 3.0  # largest gap, in sd, of a held-out row with a corrected decimal point
 
 
 @dataclass(frozen=True)
@@ -324,8 +324,10 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
     alike = {key: float(x[0]) for key, (x, others) in pairs.items() if np.ptp(x) == 0.0 < np.ptp(others)}
     gap = (rows.z - outlooks[1].mean(False)) / size
-    moved = np.nanmin(np.abs(gap[:, np.newaxis] - slips_of_decimal_point(rows, size)), axis=1, initial=np.inf)
-    slips = tuple(rows.lines[k][0] for k in np.flatnonzero((moved < CHANCE_GAP) & (np.abs(gap) > BAD_SD)))
+    gap_after = np.nanmin(
+        np.abs(gap[:, np.newaxis] - slips_of_decimal_point(rows, size)), axis=1, initial=np.inf
+    )
+    slips = tuple(rows.lines[k][0] for k in np.flatnonzero((gap_after < SLIP_GAP) & (np.abs(gap) > BAD_SD)))
     return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike, slips)
 
 

@@ -299,9 +299,8 @@ def test_a_slip_of_the_decimal_point_hides_no_effect_and_is_named(tmp_path, fact
 
 
 def test_what_the_result_follows_alone_is_a_condition_though_it_differs_between_repeats(tmp_path):
-    rows = [
-        f"{k};{w};{0.25 * np.exp(0.03 * k):.3f};3 %" for k, w in enumerate(np.repeat([2, 6, 3, 5, 1, 4], 2))
-    ]
+    wet = np.repeat([2, 6, 3, 5, 1, 4], 2)
+    rows = [f"{k};{w};{0.25 * np.exp(0.03 * k):.3f};3 %" for k, w in enumerate(wet)]
     table = "\n".join(["freeze-thaw cycles;moisture (‰);u*t (m/s);CV", *rows, ""])
     assert set(study_of(tmp_path, "", table).file.conditions) >= {"freeze_thaw_cycles", "moisture"}
 
@@ -325,7 +324,6 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     change, column = np.array([0.0, 0.11, 0.17, 0.24]), np.array([1.52, 1.47, 1.44, 1.38])
     assert not imitates(np.repeat(column, 3), np.repeat(change, 3)), "repeats show nothing of it"
     (mixed := tmp_path / "mixed").mkdir()
-    apart = [
-        row.replace(f"{c};", f"{d};", 1) for c, d, row in zip(clay, clay[3:] + clay[:3], rows, strict=True)
-    ]
-    assert answer(study_of(mixed, "", "\n".join([heading, *apart, ""]))).record.named == ("liquid_bridge",)
+    doses = zip(clay[3:] + clay[:3], moisture, speeds, strict=True)
+    shuffled = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in doses]
+    assert answer(study_of(mixed, "", "\n".join([heading, *shuffled, ""]))).record.named == ("liquid_bridge",)

@@ -246,7 +246,7 @@ class RowReader:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
         places = [column.place for column in self.columns_with("condition")]
         if not self.tidy and (summary := word_of_summary_row(self.cells, row, places)):
-            message = f"row {line}, '{summary}': the row sums up others; remove it"
+            message = f"row {line}, '{summary}': the row sums up others or is a statistic of them; remove it"
             self.faults.append(f"{self.cells.file}: {message}")
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]

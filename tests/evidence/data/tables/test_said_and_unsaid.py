@@ -405,6 +405,7 @@ def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(
 def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
     rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
     text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}{label},0.9,41.3,,\n"
+    assert measured(tmp_path, text.replace(label, "slope").replace(",,", ",0.5,4"), "s.csv")[0].size == 5
     assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
 
 
