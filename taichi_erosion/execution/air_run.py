@@ -16,7 +16,7 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution import result as results
-from taichi_erosion.execution.checks import load_checked_air_scene
+from taichi_erosion.execution.checks import comparable, load_checked_air_scene
 from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool_repeats
@@ -57,6 +57,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
+    comparisons = comparable(path, scene)
     record = results.recording_path_of_run(path, scene, first, options)
     results.refuse_unwritable_outputs(path, options, record)
     arch = "cuda" if options.arch == "cuda" else "cpu"
@@ -73,7 +74,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         if recording:
             stream.close(recording)
         raise
-    document = air_run_document(path, run, threads, time.perf_counter() - started)
+    document = air_run_document(path, run, comparisons, threads, time.perf_counter() - started)
     if recording:
         finish_air_recording(recording, document)
     return document
@@ -110,7 +111,9 @@ def advance_air_to_end(
             options.progress(frame / settings.frames, f"{states[0].time:.3g} s simulated")
 
 
-def air_run_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
+def air_run_document(
+    path: Path, run: AirRun, comparisons: dict[str, Any], threads: int, seconds: float
+) -> dict[str, Any]:
     """The result document of a scene of air alone."""
     scene = run.scene
     measured = []
@@ -133,6 +136,7 @@ def air_run_document(path: Path, run: AirRun, threads: int, seconds: float) -> d
         scene,
         replicas,
         {name: pool_repeats([measurements[name] for measurements in measured]) for name in scene.measure},
+        comparisons,
         grain_steps=0,
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),

@@ -12,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.observables import OBSERVABLES, measure_files_of_scene
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.scene import Scene, laws, load_scene, resolve, scene_hash, step_report
-from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
+from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene, read_toml, validate
 from taichi_erosion.scene.preparation.air import run_time_step, stable_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
@@ -148,9 +148,14 @@ def effect_would_act(scene: Scene, effect: Any) -> bool:
 def comparable(path: Path, scene: Scene | AirScene) -> dict[str, Any]:
     """Measured values of what is simulated: those of the file, where the laboratory's situation is its own.
 
-    A value that was stated anew stays. Contacts, effects and the number of grains are what is tried.
+    A value that was stated anew stays. Contacts, effects and the number of grains are what is tried. A file
+    that is no scene without the changes of a run has no situation.
     """
-    file = load_air_scene(path) if isinstance(scene, AirScene) else load_scene(path)
+    kind: Any = type(scene)
+    try:
+        file = validate(kind, read_toml(path), str(scene.file), (), lambda _: iter(()))
+    except BadInput:
+        return {}
     same = situation_of_measurement(file) == situation_of_measurement(scene)
     values = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
     return {name: measured.model_dump() for name, measured in values.items()}

@@ -46,7 +46,6 @@ from taichi_erosion.core.engine import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import REMEDY, require_writable, write_atomic
 from taichi_erosion.execution import RunOptions
-from taichi_erosion.execution.checks import comparable
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, failure_message
 from taichi_erosion.measures.result import Measurement, as_record, json_value, nan_to_none
 from taichi_erosion.scene import Scene, resolve, scene_hash
@@ -152,10 +151,13 @@ def run_document(
     scene: Scene | AirScene,
     replicas: list[dict[str, Any]],
     pooled: Mapping[str, Measurement],
+    comparisons: Mapping[str, Any],
     **entries: Any,
 ) -> dict[str, Any]:
-    """The document of a run; `entries` are those that differ between grains and air alone."""
-    comparisons = comparable(path, scene)
+    """The document of a run, with the measured values that `checks.comparable` read before it.
+
+    `entries` are those that differ between grains and air alone.
+    """
     if len(comparisons) < len(scene.measured):
         warning = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
         entries["limits"]["warnings"].append(warning)

@@ -24,7 +24,14 @@ from taichi_erosion.execution.checkpoint import (
     entries_that_differ,
     restore_run_state,
 )
-from taichi_erosion.execution.checks import idle_warnings, library_of, read_effects, read_scene, setup_report
+from taichi_erosion.execution.checks import (
+    comparable,
+    idle_warnings,
+    library_of,
+    read_effects,
+    read_scene,
+    setup_report,
+)
 from taichi_erosion.execution.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -96,6 +103,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     scene = read_scene(path, (*options.overrides, *numbers), named)
     hashed = scene_hash(scene)
+    comparisons = comparable(path, scene)  # now: the file may be another one when the run ends
     record = result.recording_path_of_run(path, scene, scene.run.seed, options)
     library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
@@ -104,18 +112,17 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
         text = scene_text_with_overrides(path, options.overrides)
         recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
-    interval = options.checkpoint_interval
     checkpointer = Checkpointer(
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
-        interval,
+        options.checkpoint_interval,
         {"scene_hash": hashed, "scene": resolve(ensemble.scenes[0])},
-        count_whole_intervals(ensemble.time, interval),
+        count_whole_intervals(ensemble.time, options.checkpoint_interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with defer_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
             state.measurements = result.apply_instruments(state.measurements, scene, library)
-        document = grain_run_document(path, scene, ensemble, time.perf_counter() - started)
+        document = grain_run_document(path, scene, ensemble, comparisons, started)
         document["limits"]["warnings"] += idle_warnings(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
@@ -197,7 +204,9 @@ def run_with_outputs(
         checkpointer.save_ensemble(ensemble)
 
 
-def grain_run_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: float) -> dict[str, Any]:
+def grain_run_document(
+    path: Path, scene: Scene, ensemble: EnsembleRun, comparisons: dict[str, Any], started: float
+) -> dict[str, Any]:
     """The result document of a scene of grains."""
     sim = ensemble.sim
     numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
@@ -210,8 +219,9 @@ def grain_run_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds:
         scene,
         [result.replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
         pooled,
+        comparisons,
         grain_steps=round(ensemble.grain_steps),
-        wall_s=seconds,
+        wall_s=time.perf_counter() - started,
         numerics=numerics | mean_team_size(sim.team),
         limits=setup_report(scene),
         convention=SURFACE_ENERGY_CONVENTION,

@@ -80,6 +80,16 @@ def test_a_measured_value_is_compared_where_it_was_measured(tmp_path, changes, i
     assert bool(comparable(path, read_scene(path, changes))) == is_compared
 
 
+@pytest.mark.parametrize(("modulus", "is_compared"), [(1e3, True), ("soft", False)])
+def test_a_file_that_a_change_repairs_is_compared_where_its_situation_is_stated(
+    tmp_path, modulus, is_compared
+):
+    broken = {"soil": {"density": 2130.0, "shear_modulus": modulus, "poisson_ratio": 0.29}}
+    path = write_scene(tmp_path, materials=broken, measured={"pile_height": {"value": 0.01}})
+    scene = read_scene(path, ("materials.soil.shear_modulus=1e6",))
+    assert bool(comparable(path, scene)) == is_compared
+
+
 SHIPPED = Path(__file__).parents[2] / "scenes"
 
 

@@ -53,11 +53,18 @@ def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_th
 
 def test_a_scene_without_gravity_runs_and_is_recorded(tmp_path):
     # nothing moves and nothing weighs: every energy is 0
-    path = write_scene(tmp_path, gravity={"magnitude": 0.0}, run={"replicas": 1})
+    free = {"gravity": {"magnitude": 0.0}, "measured": {"pile_height": {"value": 0.01}}}
+    path = write_scene(tmp_path, **free, run={"replicas": 1})
     path.write_text(path.read_text("utf-8").replace('until = "time"', 'until = "rest"'), encoding="utf-8")
-    document = run_scene(path, RunOptions(threads=1, record=tmp_path / "free.rrd"))
+
+    def edit_file(*_: object) -> None:
+        path.write_text("[half a", encoding="utf-8")
+
+    document = run_scene(path, RunOptions(threads=1, record=tmp_path / "free.rrd", progress=edit_file))
     stop_device()
     assert document["replicas"][0]["stopped"] is None
+    assert document["measured"]["pile_height"]["value"] == 0.01  # of the file as the run began
+    assert path.read_text("utf-8") == "[half a"
     assert len(read_grains(tmp_path / "free.rrd")) > 1
 
 
