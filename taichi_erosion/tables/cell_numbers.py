@@ -28,6 +28,8 @@ INTERVAL = re.compile(rf"{LOW}{TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
 BASE = r"[x×X*·⋅∙]\s*10\s*(?:(?:\^|\*\*)\s*\(?|\(?(?=[-+]))"  # of a power of ten
 POWER = re.compile(rf"(?<=\d)\s*(?:{BASE}([-+]?\d+)\)?|[eE]\s*([-+]\d+))(?!\d)")
 RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
+RAISED_POINT = re.compile(r"(?<=\d)[·‧](?!10\d)(?=\d)")
+MINUTES = re.compile(r"(\d+)\s*[°º]\s*([0-5]?\d)\s*['′’]")  # of an angle
 UP_TO = re.compile(r"^(?:bis(?: zu)?|up to|jusqu'à|hasta|fino a|até|до)\s+(?=\d)", re.IGNORECASE)  # a limit
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATE = re.compile(
@@ -53,9 +55,11 @@ class CellNumber:
 
 
 def plain_cell(text: str) -> str:
-    """A cell with one kind of minus and of limits, and powers of ten as `5.7e-1`."""
+    """A cell with one kind of minus, point and limits, powers of ten as `5.7e-1`, and minutes as degrees."""
     raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
-    return POWER.sub(lambda power: f"e{power[1] or power[2]}", UP_TO.sub("<", raised.translate(SIGNS)))
+    powers = POWER.sub(lambda power: f"e{power[1] or power[2]}", UP_TO.sub("<", raised.translate(SIGNS)))
+    degrees = MINUTES.sub(lambda angle: f"{int(angle[1]) + int(angle[2]) / 60.0:.5g}°", powers)
+    return RAISED_POINT.sub(".", degrees)
 
 
 def cell_word(cell: str) -> str:

@@ -9,7 +9,7 @@ import tomllib
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from functools import cache
 from importlib.resources import files
 from itertools import zip_longest
@@ -384,8 +384,8 @@ def suggest_meaning(heading: str, bare: bool = False) -> str:
 def is_misspelling_of(text: str, word: str) -> bool:
     """Whether a text may be a known word, of which each word is misspelt, behind its first letter, by one."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
-    alike = ((a, b) for a, b in pairs if a[:1] == b[:1] and abs(len(a) - len(b)) < 2)
-    return sum(bool(get_close_matches(a, [b], cutoff=NEAR)) for a, b in alike) == len(pairs)
+    same = (sum(block.size for block in SequenceMatcher(None, a, b).get_matching_blocks()) for a, b in pairs)
+    return all(a[:1] == b[:1] and k > max(len(a), len(b)) - 2 for k, (a, b) in zip(same, pairs, strict=True))
 
 
 def heading_holds_value(heading: Heading) -> bool:

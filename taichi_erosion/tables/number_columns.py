@@ -95,8 +95,9 @@ def why_column_is_no_condition(
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
-    A column with many values that differs between repeats is no condition where another one varies, so many
-    rows repeat others that this is no accident, and the results follow it neither there nor it alone.
+    A column that differs between repeats, with other values in each group of them, is no condition where
+    another one varies, so many rows repeat others that this is no accident, and the results follow it neither
+    there nor it alone.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
@@ -118,9 +119,8 @@ def why_column_is_no_condition(
     if same:
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
-    many = is_repeated and distinct.size > values.size / 2 and differs_at_equal_values(values, rest)
-    varies = many and np.ptp(rest) > 0.0
-    if varies and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
+    is_repeated = is_repeated and np.ptp(rest) > 0.0 and differs_between_groups(values, rest)
+    if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
@@ -156,6 +156,16 @@ def follows(column: Floats, other: Floats) -> bool:
 def differs_at_equal_values(column: Floats, other: Floats) -> bool:
     """Whether a column differs where another one does not."""
     return np.unique(value_set_numbers([other, column])).size > np.unique(other).size
+
+
+def differs_between_groups(values: Floats, rest: Floats) -> bool:
+    """Whether values differ within most groups of repeats, and are the same set in few pairs of these.
+
+    A factor of a design has the same levels in each group.
+    """
+    groups = [tuple(np.unique(values[rest == each])) for each in np.unique(rest)]
+    sets = [levels for levels in groups if len(levels) > 1]
+    return len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:

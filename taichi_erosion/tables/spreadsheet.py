@@ -13,7 +13,7 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
+from itertools import accumulate, zip_longest
 from math import inf, isnan
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,7 @@ MARKED = re.compile(
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
+DITTO = re.compile(r"""["″〃”“„]|['’′]{2}|-+ ?["„”″] ?-+|ditto|idem|dito""", re.IGNORECASE)
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
@@ -103,7 +104,13 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
     rows = trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults)
+    rows = accumulate(rows, lambda up, row: (row[0], cells_with_dittos(up[1], row[1])))
     return apply_number_laws(Cells(name, tuple(rows), comma, form, titles=" ".join(titles)))
+
+
+def cells_with_dittos(above: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
+    """Cells of a row, with that above in place of a ditto mark."""
+    return tuple(up if DITTO.fullmatch(cell) else cell for up, cell in zip(above, cells, strict=True))
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:
@@ -205,10 +212,7 @@ def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[
         words = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
         raise BadInput(f"{name}: {words}") from None
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
-        filled = {line for line, row in enumerate(sheet.iter_rows(values_only=True), 1) if any(row)}
-        if hidden := [line for line in filled if sheet.row_dimensions[line].hidden]:
-            words = f"row {min(hidden)} is hidden: show it if it counts, else delete it"
-            raise BadInput(f"{name}: sheet '{sheet.title}', {words}")
+        refuse_hidden_rows(sheet, name)
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
             # an empty text that was computed has the type of a text
@@ -224,6 +228,18 @@ def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[
             for _, row in () if measured or first <= heading else rows[first:last]:
                 row[column - 1] = rows[first - 1][1][column - 1]
         yield sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
+
+
+def refuse_hidden_rows(sheet: Any, name: str) -> None:
+    """Raise BadInput for rows with content that are hidden, or struck through."""
+    filled = [cell for row in sheet.iter_rows() for cell in row if cell.value not in (None, "")]
+    hidden = [cell.row for cell in filled if sheet.row_dimensions[cell.row].hidden]
+    struck = [cell.row for cell in filled if cell.font.strike]
+    for rows, words in ((hidden, "hidden: show it"), (struck, "struck through: write it as the others")):
+        if rows:
+            raise BadInput(
+                f"{name}: sheet '{sheet.title}', row {rows[0]} is {words} if it counts, else delete it"
+            )
 
 
 def cell_value(cell: Any) -> Any:
@@ -401,9 +417,17 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     clear = max(map(len, words), default=0) > 2 and meaning_of(label)[0] != "condition"
     if words and (fewer or clear) and {*words} <= {*known_words()["rows"]["statistic"]}:
         return label
-    at, word = [row[k] for k in conditions], next(filter(is_summary_word, row), "")
-    rest = (each for _, each in cells.lines if word not in each)
-    return word if word and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""
+    at, cell = (
+        [row[k] for k in conditions],
+        next((each for each in row if is_summary_word(last_word(each))), ""),
+    )
+    rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
+    return cell if cell and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""
+
+
+def last_word(cell: str) -> str:
+    """Last word of a cell: `mean` of `Control mean`."""
+    return plain_words(cell).rpartition(" ")[2]
 
 
 def laboratory_table_digest(table: Path) -> str:

@@ -53,7 +53,7 @@ UNKNOWN = """
 Number of passes; No. of wet-dry cycles; Anzahl Überfahrten; Cycles (n); 碾压次数
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
-days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
+days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm); months after inoculation
 """
 
 

@@ -14,6 +14,8 @@ from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, with_one
         *((text, 0.57, 0.0, "") for text in ("5.7 x 10^-1", "5.7\N{MULTIPLICATION SIGN}10⁻¹", "5.7 E-01")),
         *((text, 0.57, 0.0, "") for text in ("5.7·10-1", "5.7*10**-1")),
         ("2·10³", 2000.0, 0.0, ""),
+        ("0·271", 0.271, 0.0, ""),
+        ("33° 30'", 33.5, 0.0, "°"),
         ("1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)", 1.5e-3, 0.0, "kg/(m s)"),
         ("1\u2009200", 1200.0, 0.0, ""),
         *((text, 90.0, -inf, "") for text in ("bis 90", "up to 90")),

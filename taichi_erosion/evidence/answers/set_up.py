@@ -46,8 +46,18 @@ def stale_faults(study: Study) -> Iterator[SetUpFault]:
 
 def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
-    if not comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
-        raise BadInput(f"{study.file.study.measurements}: {FAULTS['unknown_scatter']}")
+    if comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
+        return
+    table = study.problem.measurements
+    columns = {name: [*values] for name, values in table.conditions.items()}
+    rest = {
+        name: zip(table.observable, *(columns[k] for k in columns if k != name), strict=True)
+        for name in columns
+    }
+    names = [name for name, sets in rest.items() if len({*sets}) <= len(table.value) / 2]
+    one = len(columns) > 1 == len(names)
+    hint = FAULTS["repeated_but_for"].format(names[0].rpartition(".")[2]) if one else ""
+    raise BadInput(f"{study.file.study.measurements}: {FAULTS['unknown_scatter']}{hint}")
 
 
 def refuse_blocking(study: Study, needs_rows: bool) -> None:

@@ -27,6 +27,8 @@ FAULTS = {  # of a set-up
     "held_out": "; {} more are held out (none with fraction = 0, no ranges and no sources under [vault])",
     "unknown_scatter": "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or "
     "say --sd 'NAME=8 %'",
+    "repeated_but_for": "; rows are alike but for '{}': begin its heading with 'note' if it was measured "
+    "beside repeats, not set",
 }
 PRIORS = {  # that are halved and doubled
     "nothing": "odds that nothing is missing",

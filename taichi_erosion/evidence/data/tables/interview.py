@@ -293,7 +293,7 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     clear = (c for c in unread if not (c.unread or c.unclear or c.name in WINDS))
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     results += [mean_of_repeats(results)]
-    by_heading = {c.heading.text: values[c] for c in others}
+    by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
     why = non_conditions(cells, results, by_heading, set_ups, conditions)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, known_words()["computed"]["words"]) and (others or len(why) < len(cells))

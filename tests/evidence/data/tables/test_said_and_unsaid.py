@@ -1,6 +1,7 @@
 """What a table does not say is asked, stated by an option or refused; what no model reads is a condition."""
 
 import io
+import re
 from math import log
 from pathlib import Path
 from typing import Any
@@ -409,6 +410,20 @@ def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
     assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
 
 
+def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
+    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
+    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}T0 mean,0,30.2,0.5,8\n"
+    assert "row 6, 'T0 mean': the row sums up others" in refused(tmp_path, text)
+    assert measured(tmp_path, re.sub(r"(?m)^(T\d),", r"\1 mean,", text), "m.csv")[0].size == 5
+
+
+def test_a_ditto_mark_is_the_cell_above(tmp_path):
+    text = "moisture (%);angle of repose (deg);SD\n0;30;0.5\n'';31;〃\n1;32;0.4\nditto;33;0.4\n2;34;0.4\n"
+    found, _ = measured(tmp_path, text)
+    assert [*found.conditions["moisture"]] == [0.0, 0.0, 0.01, 0.01, 0.02]
+    assert found.sd[1] == 0.5
+
+
 def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
     rows = "".join(f"{w};{30 + w} ± 0.5\n" for w in range(6))
     text = f"Angles, mean {{}} of five\nmoisture (%);angle of repose (deg)\n{rows}"
@@ -441,6 +456,10 @@ def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
     book, content = openpyxl.Workbook(), io.BytesIO()
     for row in (("moisture (%)", "angle of repose (deg)", "SD"), (0, 31, 0.5), (1, 90, 0.5), (2, 36, 0.5)):
         book.active.append(row)
+    book.active["B3"].font = openpyxl.styles.Font(strike=True)
+    book.save(content)
+    with pytest.raises(BadInput, match="row 3 is struck through"):
+        measured(tmp_path, content.getvalue(), "t.xlsx")
     book.active.row_dimensions[3].hidden = True
     book.save(content)
     with pytest.raises(BadInput, match="row 3 is hidden"):
@@ -454,6 +473,10 @@ def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_non
     found, told = measured(tmp_path, "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""]))
     assert ([*found.conditions], found.size) == (["moisture"], 18)
     assert "'pH' (it differs between repeats" in " ".join(told)
+    acid = acid.round(1)  # five values in 18 rows
+    blocks = [angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * (w % 2)) for b in range(3) for w in range(6)]
+    few = "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""])
+    assert [*measured(tmp_path, few, "few.csv")[0].conditions] == ["moisture"]
     rows = [f"{'AB'[k % 2]};{500 * k};{0.25 + 0.01 * k:.3f};0.01;3" for k in range(8)]
     heights = "\n".join(["operator;altitude (m);u*t (m/s);SD;n", *rows, ""])
     assert "altitude" in measured(tmp_path, heights, "h.csv", diameter="0.2 mm")[0].conditions
