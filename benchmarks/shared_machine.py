@@ -26,11 +26,7 @@ PORTION = 100  # steps between two looks at the clock
 
 def teams() -> dict[str, Team]:
     """Teams of a run on two threads."""
-    return {
-        "one thread": Team(left_out=1, adapts=False),
-        "two threads": Team(adapts=False),
-        "adaptive": Team(),
-    }
+    return {"one thread": Team(absent=1, adapts=False), "two threads": Team(adapts=False), "adaptive": Team()}
 
 
 @contextmanager

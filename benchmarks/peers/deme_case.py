@@ -16,7 +16,7 @@ import time
 from math import pi, sqrt
 from typing import Any
 
-import deme
+import deme  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 from benchmarks.peers.cases import Bed, tiled

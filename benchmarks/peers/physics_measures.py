@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from benchmarks.peers.cases import SOIL, Floats, Soil
@@ -41,7 +42,7 @@ class Rest:
 class Contacts:
     """Touching pairs of a periodic bed."""
 
-    pair: Floats  # [c, 2] grains
+    pair: NDArray[np.int64]  # [c, 2] grains
     normal: Floats  # [c, 3] from the first to the second [1]
     overlap: Floats  # [c] m
     force: Floats  # [c] N, normal

@@ -11,8 +11,8 @@ import time
 from typing import Any
 
 import numpy as np
-from yade import geom, utils
-from yade.wrapper import (
+from yade import geom, utils  # pyright: ignore[reportMissingImports]
+from yade.wrapper import (  # pyright: ignore[reportMissingImports]
     Bo1_Facet_Aabb,
     Bo1_Sphere_Aabb,
     Bo1_Wall_Aabb,

@@ -41,7 +41,7 @@ def write_lines(
 
 def read_table(path: Path, kind: type[Record]) -> list[Record]:
     """Rows of a table that `write_table` wrote; none where it has not been made yet."""
-    kinds = {f.name: f.type for f in fields(kind)}
+    kinds: dict[str, Any] = {f.name: f.type for f in fields(kind)}
     return [
         kind(**{k: nan if kinds[k] is float and not text else kinds[k](text) for k, text in line.items()})
         for line in lines_of(path)

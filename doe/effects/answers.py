@@ -54,7 +54,7 @@ ANGULARITIES = (0.25, 0.5, 1.0)  # 1
 RATIO, POCKET = "u*_t over bare", "grain in a pocket"
 HOP_PARTS = {"height": "height of a hop [m]", "length": "way to its top [m]", "spin": "spin there [s-1]"}
 HALF_BRACKET = 0.5 * np.log(FASTEST / SLOWEST) / 2**HALVINGS  # of ln u*, that a bisection leaves [1]
-SAMPLE_SIZE = nominal_diameter(sample_scene().grains.size)  # m
+SAMPLE_SIZE = nominal_diameter(sample_scene().grains)  # m
 READINGS = {  # instrument -> observable, value, unit
     "camera_threshold": ("threshold_u_star", 0.25, "m s-1"),
     "friction_velocity_calibration": ("threshold_u_star", 0.25, "m s-1"),

@@ -182,7 +182,7 @@ def expected_threshold(case: Pocket) -> float:
 def excess_force(case: Pocket, scene: Scene, wind: float, library: dict[str, Effect]) -> float:
     """Force along the downwind plane that is left when the grain just leaves [N]."""
     assert scene.wind is not None
-    air, d = scene.wind, nominal_diameter(scene.grains.size)
+    air, d = scene.wind, nominal_diameter(scene.grains)
     solid = scene.materials["sand"].density
     mean = (wind * air.partition) ** 2 * 0.5 * d / air.viscosity
     stream = Stream(mean, d, air.density, air.viscosity * air.density)

@@ -58,12 +58,13 @@ HEIGHT = re.compile(rf"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*{LENGTH}(?!
 RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
 )
-INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
+INDEX = re.compile(r".*(?<!\w)[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, wind speed u_2
 ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
 LAWS = {  # of numbers that are no multiple of what they measure: places, units of a column, unit of a result
     "phi": ((DIAMETER,), ("phi",), "mm"),
     "mesh": ((DIAMETER,), ("mesh", ""), "mm"),
     "tan": (ANGLES, ("", "1", "-"), "deg"),
+    "grade": (("conditions.slope",), ("%",), "deg"),
     "wet": (("conditions.moisture",), ("%", "1", "-", "kg/kg", "g/g"), ""),
 }
 
@@ -161,19 +162,20 @@ def add_number_law(heading: Heading) -> Heading:
     """The heading with the law by which its numbers are turned into those of what it means."""
     role, place = meaning_of(heading.name)
     for law, (places, units, unit) in LAWS.items():
-        named = heading.unit == law or has_word(heading.name, known_words()["laws"][law])
+        named = units == (heading.unit,) or has_word(heading.name, known_words()["laws"][law])
+        named |= heading.unit == law
         if named and place in places and heading.unit in units and role in KINDS.values():
             return replace(heading, unit=unit or heading.unit, law=law)
     return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
 
 
 def apply_law(number: float, unit: str, heading: Heading) -> float:
-    """A number of a column in phi [mm], a tangent [deg], or water over wet mass, as over dry mass."""
+    """A number of a column in phi [mm], a tangent or grade [deg], or water over wet mass, as over dry mass."""
     if heading.law == "mesh" or unit not in ("", heading.unit, heading.law):
         raise ValueError(heading.law)
     if heading.law == "wet":
         return number / (1.0 - number * parse_scale(heading.unit).factor)
-    return 2.0**-number if heading.law == "phi" else degrees(atan(number))
+    return 2.0**-number if heading.law == "phi" else degrees(atan(number * 0.01 ** (heading.law == "grade")))
 
 
 def set_stated_unit(heading: Heading, text: str) -> Heading:
@@ -378,7 +380,8 @@ def suggest_meaning(heading: str, bare: bool = False) -> str:
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
     near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
     near = [word for word in near if any(is_misspelling_of(part, word) for part in parts)]
-    return next(iter([*named_first, *(likeness[word] for word in near)]), "")
+    meant = (*named_first, *(likeness[word] for word in near))
+    return next((name for name in meant if not has_word(heading, words["things"].get(name, ()))), "")
 
 
 def is_misspelling_of(text: str, word: str) -> bool:

@@ -10,13 +10,21 @@ from scipy.special import fdtrc
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
-from taichi_erosion.tables.headings import Heading, is_summary_word, plain_words, read_heading
+from taichi_erosion.tables.headings import (
+    Heading,
+    has_word,
+    is_summary_word,
+    known_words,
+    plain_words,
+    read_heading,
+)
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
-AGAIN, ALIKE = "it follows the measured quantity exactly", "it changes with"
+AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
+SET_UNITS = ("kg/m2", "s", "K")  # of doses, ages and temperatures, which follow from no result
 RESULT = "it is a result beside the measured quantity"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
@@ -112,14 +120,14 @@ def why_column_is_no_condition(
         return "it counts rows or years"
     if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return RESULT
-    if any(is_computed_from_result(values, each) for each in results):
+    if not is_set_by_hand(heading, values) and any(is_computed_from_result(values, y) for y in results):
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
     if same:
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
-    is_repeated = is_repeated and np.ptp(rest) > 0.0 and differs_between_groups(values, rest)
+    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
@@ -176,14 +184,19 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
     return variance_left_by_parabola(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
-def is_computed_from_result(column: Floats, result: Floats) -> bool:
-    """Whether a column is computed from a measured quantity: it follows it within their last digits.
+def is_set_by_hand(heading: str, values: Floats) -> bool:
+    """Whether a column counts from a control of 0, is of even steps, or in a unit of no computed result."""
+    levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
+    even = np.ptp(np.diff(levels)) < 1e-6 * np.ptp(levels) / levels.size if levels.size > 1 else False
+    if unit and parse_scale(unit).kind in (parse_unit(each).kind for each in SET_UNITS):
+        return True
+    return bool(levels[:1] == 0.0 and not has_word(heading, known_words()["computed"]["words"])) or bool(even)
 
-    Not one of even steps: somebody set them.
-    """
+
+def is_computed_from_result(column: Floats, result: Floats) -> bool:
+    """Whether a column is computed from a measured quantity: it follows it within their last digits."""
     x, y = np.array([column, result])[:, np.isfinite(column) & np.isfinite(result)]
-    steps = np.diff(np.unique(x))
-    if not is_parabola_of(x, y) or np.ptp(steps) < 1e-6 * steps.mean():
+    if not is_parabola_of(x, y):
         return False
     basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)

@@ -53,7 +53,8 @@ UNKNOWN = """
 Number of passes; No. of wet-dry cycles; Anzahl Überfahrten; Cycles (n); 碾压次数
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
-days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm); months after inoculation
+days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
+months after inoculation; Layer No; Tapping number; Gravel diameter (mm); Snow density (kg/m3); Moisture of straw (%)
 """
 
 
@@ -155,7 +156,7 @@ def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, mea
         ("u*t [m/s], 3 replicates", "u*t ,", "m/s", 3),
         ("n = 3", "n = 3", "", 0),  # names no quantity
         ("d50 [mm]", "d50", "mm", 0),
-        ("percent slope", "percent slope", "%", 0),
+        ("percent slope", "percent slope", "deg", 0),  # its numbers are turned
         ("percentile d50", "percentile d50", "", 0),
     ],
 )

@@ -49,7 +49,7 @@ from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.scene.paths import unit_at_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, range_at
 from taichi_erosion.scene.schema.grains import Monodisperse
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
 from taichi_erosion.tables.headings import (
     DIAMETER,
@@ -69,6 +69,7 @@ from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 Document = dict[str, Any]
 GRAIN_UNITS = ("mm", "um", "µm", "μm", "in", "inch", "in.")  # of lengths that may be the size of grains
+COARSEST = 4e-3  # m, of grains that wind erodes: a larger length is no size of theirs
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
@@ -268,8 +269,11 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
-        for heading in (column.heading for column in table.columns if column.unread):
-            if heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "others")[0]:
+        for column in (column for column in table.columns if column.unread):
+            heading, place = column.heading, table.conditions.index(column.title)
+            is_length = heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "others")[0]
+            largest = max(row.conditions[place] for row in table.rows)
+            if is_length and largest * parse_scale(heading.unit or "").factor <= COARSEST:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
                 remedy = f"'{heading.name}={DIAMETER}'; else state it: --diameter '{usual}'"
                 raise BadInput(f"{table.file}: {words} {remedy}")

@@ -146,7 +146,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     )  # a slip has no weight of its own
     steep = np.abs(slope(observable, typical))
     shapes = np.array([steep, typical * steep])[:: 1 if usual else -1]  # of sd; usual first
-    sd, design = np.abs(table.sd * steepness), set_up_and_source_numbers(table)
+    sd, design = np.abs(table.sd * steepness), design_level_numbers(table)
     scatter = measurement_scatter(exact, sd, repeats, cell, shapes, design)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     alone = np.where(scatter.off, np.arange(scatter.off.size), -1)
@@ -243,15 +243,16 @@ def repeat_fit_p(rows: ComparisonRows, variance: Floats, residual: Floats, lever
 
 def repeat_group_numbers(table: Measurements | ComparisonRows) -> Floats:
     """Number of each row's conditions, set-up and source; equal for repeated rows."""
-    set_up, source = set_up_and_source_numbers(table)
+    set_up, source, *_ = design_level_numbers(table)
     return set_up * table.size + source
 
 
-def set_up_and_source_numbers(table: Measurements | ComparisonRows) -> Floats:
-    """Numbers (2, n) of each row's set-up under its conditions, and of its source."""
+def design_level_numbers(table: Measurements | ComparisonRows) -> Floats:
+    """Numbers (4, n) of each row's set-up under its conditions, its source, its set-up and its conditions."""
     labels = (np.array(each) for each in (table.group, row_sources(table.source)))
     set_up, source = (np.unique(each, return_inverse=True)[1].astype(float) for each in labels)
-    return np.array([condition_groups(table) * table.size + set_up, source])
+    conditions = condition_groups(table)
+    return np.array([conditions * table.size + set_up, source, set_up, conditions])
 
 
 def censor_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:

@@ -149,8 +149,9 @@ def measurement_scatter(
     """Scatter of the rows of one observable.
 
     `cell` is equal for rows that repeat one another; `shapes` are the ways in which sd may vary over the
-    rows, on the comparison scale, the likeliest first. `design` (2, n) numbers the set-up and the block of
-    each row: where neither sd nor repeats state the scatter, it is what levels of both leave.
+    rows, on the comparison scale, the likeliest first. `design` (4, n) numbers each row's set-up under its
+    conditions, block, set-up and conditions: where neither sd nor repeats state the scatter, it is what
+    levels of the first two leave, else those of the last three.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
@@ -166,8 +167,9 @@ def measurement_scatter(
         return scale_variance_by_repeats(variance, squares, between, own_variance, off)
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
-    if freedom < LEAST_FREEDOM and design is not None:
-        squares, freedom = block_design_squares(z, repeats, design)
+    for levels in () if design is None else (design[:2], design[1:]):
+        if freedom < LEAST_FREEDOM:
+            squares, freedom = block_design_squares(z, repeats, levels)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)

@@ -39,8 +39,8 @@ PRIORS = {  # that are halved and doubled
     "errors": "errors expected",
 }
 ONE_LESS = " minus one"  # of what a dose counts
-AGREED = 0.05  # chance of a misfit from which a model agrees; below ADEQUATE it fails, between it is open
-RARELY = "less than one time in twenty"  # below AGREED
+AGREED = 0.1  # chance of a misfit from which a model agrees; below ADEQUATE it fails, between it is open
+RARELY = "less than one time in ten"  # below AGREED
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 

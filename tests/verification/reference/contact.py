@@ -269,5 +269,6 @@ def hertz_motion(stiffness: float, mass: float, speed: float, duration: float) -
     def rates(_: float, state: Floats) -> list[float]:
         return [state[1], -stiffness / mass * max(state[0], 0.0) ** 1.5]
 
-    fine = {"rtol": 1e-13, "atol": 1e-18, "max_step": duration / 500.0}
-    return float(integrate(rates, (0.0, duration), [0.0, speed], **fine).y[0, -1])
+    step = duration / 500.0
+    end = integrate(rates, (0.0, duration), [0.0, speed], rtol=1e-13, atol=1e-18, max_step=step)
+    return float(end.y[0, -1])

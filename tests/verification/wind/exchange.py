@@ -161,6 +161,7 @@ def stirred_setup() -> Setup:
 def patch_momentum(sim: Simulation) -> PatchMomentum:
     """Momenta one step of the grains after an exchange."""
     grains, air = grain_momentum(sim), sim.coupling.air
+    assert air is not None
     recorded = CELL * download_field(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
     u, v, w = face_velocities(air, 0)
     wind = np.stack([u[:-1], v[:, :-1], w[:, :, :-1]])
@@ -173,13 +174,15 @@ def patch_balance(precision: Precision) -> Iterator[Outcome]:
     """Momentum of air and grains, along all axes."""
     sim = small.simulation_of([stirred_setup()], precision, LAWS)
     advance(sim, [STEP])
-    first = last = patch_momentum(sim)
+    first, air = patch_momentum(sim), sim.coupling.air
+    assert air is not None
+    last = first
     gained, recorded, pressed = np.zeros(2), np.zeros(3), np.zeros(3)
     for exchange in range(1, EXCHANGES + 1):
         pressed += last.grains - last.drag  # the rest of the frozen pressure force
         advance(sim, [STEP * (PATCH_INTERVAL * exchange + 1)])
         now = patch_momentum(sim)
-        void = download_field(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
+        void = download_field(air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
         on_faces = np.stack([0.5 * (void + np.roll(void, 1, axis)) for axis in range(2)])
         gained += DENSITY * CELL * (on_faces * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
         recorded += now.recorded

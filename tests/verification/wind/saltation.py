@@ -172,7 +172,7 @@ def measured(scenes: Sequence[Scene]) -> pd.DataFrame:
     replicas = run_to_end([each for each in scenes for _ in seeds], seeds * len(scenes)).states
     rows = [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
     beds = pd.DataFrame(rows, columns=list(MEASURED))
-    return beds.groupby(np.arange(len(beds)) // PATCHES).mean()
+    return pd.DataFrame(beds.groupby(np.arange(len(beds)) // PATCHES).mean())
 
 
 def vanishing(winds: pd.DataFrame) -> Bracket:

@@ -15,7 +15,13 @@ from math import inf, isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, plausible_units, range_at
+from taichi_erosion.scene.physical_ranges import (
+    OBSERVED,
+    PhysicalRange,
+    plausible_units,
+    range_at,
+    range_scale,
+)
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import (
     CellFault,
@@ -193,17 +199,27 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
-        fixed = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
+        counted = any(re.match(r"[<>~≈±(]?\s*[-+]?[.,]?\d", cell) for cell in content)  # `Na2SO4` is a word
+        fixed = role in ("group", "source") or (role in ("observable", "condition") and counted)
         return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
     height = wind_height_of_heading(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", firm=False, height=height)
     changed, unclear = qualifying_words(heading) if role in ("observable", "condition") else ("", "")
-    if role == "unknown" or changed or (unclear and name in AIR):  # of a tyre, of an oven
+    other = role == "condition" and unclear and has_other_unit(heading, name)  # water sprayed, in mm
+    if role == "unknown" or changed or other or (unclear and name in AIR):  # of a tyre, of an oven
         near = name if changed else "" if name in AIR else suggest_meaning(heading.name, not heading.unit)
+        if not changed and (heading.unreadable or has_other_unit(heading, near)):  # a density of plants
+            near = ""
         return Column(place, heading, "remark", firm=False, near=near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
+
+
+def has_other_unit(heading: Heading, name: str) -> bool:
+    """Whether a heading has a unit of another kind than what is measured or set has."""
+    allowed = OBSERVED.get(name) or (range_at(name) if name else None)
+    return allowed is not None and bool(heading.unit) and range_scale(heading.unit, allowed) is None
 
 
 def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]) -> list[Column]:
@@ -367,7 +383,9 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
-        return reading.reject(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
+        own = f"or say --condition '{heading.name}={heading.unit}' where it is another quantity"
+        words = f"{column.name} counts in {counted}; give it in that unit{tangent}, {own}"
+        return reading.reject(column, words)
     based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"

@@ -334,16 +334,17 @@ TILTED = "{};u*t (m/s);SD;d (mm)\n0{u};0.2;0.01;0.25\n5{u};0.22;0.01;0.25\n10{u}
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        TILTED.replace("{u}", "").format("slope (%)"),
-        TILTED.replace("{u}", " %").format("slope"),
-        TILTED.replace("{u}", "").format("percent slope"),
-        WET.format("moisture (%)", "repose angle (%)"),
-    ],
+    "text", [TILTED.replace("{u}", " %").format("slope"), WET.format("moisture (%)", "repose angle (%)")]
 )
 def test_an_angle_in_per_cent_is_never_read_as_degrees(tmp_path, text):
     assert "give it in that unit (% of an angle is a tangent" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize("heading", ["slope (%)", "percent slope"])
+def test_a_slope_in_per_cent_is_the_tangent_of_an_angle_and_told(tmp_path, heading):
+    found, told = measured(tmp_path, TILTED.replace("{u}", "").format(heading))
+    assert found.conditions["slope"] == pytest.approx(np.arctan([0.0, 0.05, 0.1]))
+    assert "slopes in % count as angles" in " ".join(told)
 
 
 @pytest.mark.parametrize("heading", ["flux", "sand transport rate"])
@@ -437,6 +438,44 @@ def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
     )
     text = "treatment;gum (g/m2);moisture (%);angle of repose (deg)\n" + rows
     assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions["gum"]) == 5
+
+
+DOSES = {0: 0.308, 100: 0.327, 200: 0.346, 500: 0.407, 1000: 0.507, 2000: 0.71}  # kg/ha -> m/s
+
+
+@pytest.mark.parametrize("heading", ["gypsum (kg/ha)", "age (d)", "gypsum"])
+def test_a_dose_set_by_hand_is_no_computed_column(tmp_path, heading):
+    text = LONE.format(heading) + "".join(f"{x};{u};0.01;4\n" for x, u in DOSES.items())
+    assert len(measured(tmp_path, text, diameter="0.2 mm")[0].conditions) == 2
+
+
+def test_what_may_be_computed_is_asked_without_a_control(tmp_path):
+    text = LONE.format("shear stress (Pa)") + "".join(f"{x or 50};{u};0.01;4\n" for x, u in DOSES.items())
+    assert "within their digits: begin its heading with 'note'" in refused(tmp_path, text, diameter="0.2 mm")
+
+
+def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
+    doses = {"PAM": (5, 10, 20), "lime": (500, 1000, 2000), "straw": (50, 100, 200)}
+    rows = [f"{name};{x};{0.3 + 0.05 * k:.2f};0.01;4" for name, xs in doses.items() for k, x in enumerate(xs)]
+    text = "\n".join(["product;rate (kg/ha);u*t (m/s);SD;n", *rows, ""])
+    assert "rate" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+
+
+def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
+    noise = np.random.default_rng(2).normal(0.0, 0.5, (4, 5))
+    rows = [f"T{k};{w};{30 + k + noise[k, w]:.1f}" for k in range(4) for w in range(5)]
+    text = "\n".join(["sample;moisture (%);angle of repose (deg)", *rows, ""])
+    assert measured(tmp_path, text)[0].size == 20  # each sample is a set-up: none is repeated
+
+
+def test_what_a_formula_calibrates_is_no_condition_of_it(tmp_path):
+    text = "static friction coefficient;angle of repose (deg);SD\n0.3;16;0.5\n0.5;26;0.5\n0.7;35;0.5\n"
+    assert "which a formula calibrates: leave out --closed-form" in refused(tmp_path, text)
+
+
+def test_a_length_that_no_grain_of_sand_has_asks_for_no_diameter(tmp_path):
+    text = "rain (mm);u*t (m/s);SD;n\n0;0.3;0.01;4\n5;0.31;0.01;4\n25;0.34;0.01;4\n"
+    assert "rain" in measured(tmp_path, text)[0].conditions
 
 
 def test_a_known_condition_is_computed_from_no_result(tmp_path):
