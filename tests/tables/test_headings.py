@@ -54,7 +54,8 @@ Number of passes; No. of wet-dry cycles; Anzahl Überfahrten; Cycles (n); 碾压
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
 days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
-months after inoculation; Layer No; Tapping number; Gravel diameter (mm); Snow density (kg/m3); Moisture of straw (%)
+months after inoculation; Layer No; Tapping number; Gravel diameter (mm); Snow density (kg/m3)
+Moisture of straw (%)
 """
 
 

@@ -449,11 +449,6 @@ def test_a_dose_set_by_hand_is_no_computed_column(tmp_path, heading):
     assert len(measured(tmp_path, text, diameter="0.2 mm")[0].conditions) == 2
 
 
-def test_what_may_be_computed_is_asked_without_a_control(tmp_path):
-    text = LONE.format("shear stress (Pa)") + "".join(f"{x or 50};{u};0.01;4\n" for x, u in DOSES.items())
-    assert "within their digits: begin its heading with 'note'" in refused(tmp_path, text, diameter="0.2 mm")
-
-
 def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
     doses = {"PAM": (5, 10, 20), "lime": (500, 1000, 2000), "straw": (50, 100, 200)}
     rows = [f"{name};{x};{0.3 + 0.05 * k:.2f};0.01;4" for name, xs in doses.items() for k, x in enumerate(xs)]
