@@ -170,7 +170,7 @@ def add_number_law(heading: Heading) -> Heading:
 
 
 def apply_law(number: float, unit: str, heading: Heading) -> float:
-    """A number of a column in phi [mm], a tangent or grade [deg], or water over wet mass, as over dry mass."""
+    """A number in phi [mm], a tangent or grade [deg], or water over wet mass, as over dry mass."""
     if heading.law == "mesh" or unit not in ("", heading.unit, heading.law):
         raise ValueError(heading.law)
     if heading.law == "wet":

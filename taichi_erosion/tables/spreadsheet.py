@@ -422,7 +422,9 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
         next((each for each in row if is_summary_word(last_word(each))), ""),
     )
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
-    return cell if cell and (not all(at) or any([each[k] for k in conditions] == at for each in rest)) else ""
+    if not cell or cell in at or not all(at):
+        return cell
+    return cell if any([each[k] for k in conditions] == at for each in rest) else ""
 
 
 def last_word(cell: str) -> str:

@@ -269,7 +269,7 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
     diameter = wishes.diameter
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
-        for column in (column for column in table.columns if column.unread):
+        for column in (each for each in table.columns if each.unread and each.title in table.conditions):
             heading, place = column.heading, table.conditions.index(column.title)
             is_length = heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "others")[0]
             largest = max(row.conditions[place] for row in table.rows)

@@ -95,6 +95,9 @@ def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
         words = "The means scatter about the calibrated model more than their repeats allow"
         words = words if part_words.fails(record) else f"The calibrated model {part_words.doubt_text(record)}"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
+    failing = part_words.failure_text(record)
+    if not failing.startswith("fails"):
+        return f"The calibrated model {failing} ({size}): check grains and units, or something acts.", last
     places = "" if record.p_misfit < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 

@@ -141,6 +141,19 @@ def fails(record: Record) -> bool:
     return record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or bool(worst_places(record))
 
 
+def failure_text(record: Record) -> str:
+    """`fails on all 30 rows`, or what is unusual of a model that follows the rows."""
+    if record.chi2_per_row_before > 1.0 or record.p_lack_of_fit < ADEQUATE or worst_places(record):
+        return f"fails on {row_count_text(record)}"
+    if any(each.kind == "group" for each in record.errors) or not record.parameters:
+        return f"follows {row_count_text(record)}, by set-ups that differ more than is usual"
+    numbers = {name: (part.before.value, part.start) for name, part in record.parameters.items()}
+    name = max(numbers, key=lambda each: abs(np.log(np.divide(*numbers[each]))))
+    value, start = (plain(number, 3) for number in numbers[name])
+    words = f"follows {row_count_text(record)}, by an unusual {say.in_words(name.rpartition('.')[2])}"
+    return f"{words}, {value} where about {start} is expected"
+
+
 def agreement_text(record: Record) -> str:
     """`agrees with all 30 rows if the sand flux scatters 2.9 times as much as its sd or repeats`."""
     wide = (each for each in record.errors if each.kind == "scatter" and each.low > 1.0)
@@ -310,7 +323,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
         return withheld_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     places, chances = worst_places(record), [record.p_misfit, record.p_lack_of_fit]
-    state = f"fails on {row_count_text(record)}" if fails(record) else agreement_text(record)
+    state = failure_text(record) if fails(record) else agreement_text(record)
     if not fails(record) and (words := doubt_text(record)):
         state, chances = words, [*chances, *(each.p_as_stated for each in record.where)]
     state = f"the model {state} ({say.p_text(float(np.nanmin([*chances, *(each.p for each in places)])))})"

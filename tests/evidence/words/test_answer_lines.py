@@ -229,6 +229,16 @@ def test_agreement_names_a_scatter_that_is_larger_than_stated() -> None:
         assert " if " not in answer(null, VOC).lines[0]
 
 
+def test_what_is_unusual_of_a_model_that_follows_its_rows_is_told_in_place_of_a_failure() -> None:
+    record = replace(null, p_misfit=1e-3, chi2_before=0.3 * null.n)
+    for answer in (compare_answer, discover_answer):
+        first = answer(record, VOC).lines[0]
+        assert re.search(
+            r"follows all .*, by an unusual \w+ \w+, [\d.]+ where about [\d.]+ is expected", first
+        )
+        assert "fails" in answer(replace(record, chi2_before=2.0 * null.n), VOC).lines[0]
+
+
 def test_no_missing_effect_is_seen_only_where_the_model_fails_nowhere() -> None:
     record = replace(null, p_misfit=1e-3, probabilities={"none": 0.95, "outside_library": 0.05})
     assert "by errors of measurement" in discover_answer(replace(record, levels=level.levels), VOC).lines[0]
