@@ -25,6 +25,7 @@ EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
 AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
 SET_UNITS = ("kg/m2", "s", "K")  # of doses, ages and temperatures, which follow from no result
+RESULT_UNITS = ("m/s", "Pa", "N", "deg")  # of what does
 RESULT = "it is a result beside the measured quantity"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
@@ -185,12 +186,15 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
 
 
 def is_set_by_hand(heading: str, values: Floats) -> bool:
-    """Whether a column counts from a control of 0, is of even steps, or in a unit of no computed result."""
+    """Whether a column is of even steps, of round numbers from a control of 0, or of no result's unit."""
     levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
-    even = np.ptp(np.diff(levels)) < 1e-6 * np.ptp(levels) / levels.size if levels.size > 1 else False
-    if unit and parse_scale(unit).kind in (parse_unit(each).kind for each in SET_UNITS):
+    kind = parse_scale(unit).kind if unit else ()
+    if kind in {parse_unit(each).kind for each in SET_UNITS}:
         return True
-    return bool(levels[:1] == 0.0 and not has_word(heading, known_words()["computed"]["words"])) or bool(even)
+    is_round = all(x == float(f"{x:.1e}") for x in levels)
+    if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:
+        return not has_word(heading, known_words()["computed"]["words"])
+    return bool(np.ptp(np.diff(levels)) < 1e-6 * np.ptp(levels) / levels.size)
 
 
 def is_computed_from_result(column: Floats, result: Floats) -> bool:
