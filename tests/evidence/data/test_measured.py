@@ -45,7 +45,7 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
         (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
-        (GOOD.replace("repose_angle,33", "repose angle,33"), "observable = 'repose angle' must be a name"),
+        (GOOD.replace("repose_angle,33", "slip angle,33"), "observable = 'slip angle' must be a name"),
         (
             WITH_SD.replace("sd of moisture", "sd of moistur"),
             "no column 'moistur'; conditions there: moisture",

@@ -456,6 +456,16 @@ def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
     assert "rate" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
 
 
+@pytest.mark.parametrize("heading", ["parameter", "variable", "observable"])
+def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
+    rows = [f"T{w},angle of repose,{30 + w},deg,0.6,4,{w}" for w in range(5)]
+    rows += [f"T{w},threshold friction velocity,{0.25 + w / 50},m/s,0.01,4,{w}" for w in range(5)]
+    text = "\n".join([f"site,{heading},value,unit,sd,n,moisture [%]", *rows, ""])
+    found, _ = measured(tmp_path, text)
+    assert {*found.observable} == {"repose_angle", "threshold_u_star"}
+    assert (found.group[0], found.value[-1]) == ("T0", pytest.approx(0.33))
+
+
 def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
     noise = np.random.default_rng(2).normal(0.0, 0.5, (4, 5))
     rows = [f"T{k};{w};{30 + k + noise[k, w]:.1f}" for k in range(4) for w in range(5)]
