@@ -380,8 +380,8 @@ def suggest_meaning(heading: str, bare: bool = False) -> str:
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
     near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
     near = [word for word in near if any(is_misspelling_of(part, word) for part in parts)]
-    meant = (*named_first, *(likeness[word] for word in near))
-    return next((name for name in meant if not has_word(heading, words["things"].get(name, ()))), "")
+    names = (*named_first, *(likeness[word] for word in near))
+    return next((name for name in names if not has_word(heading, words["things"].get(name, ()))), "")
 
 
 def is_misspelling_of(text: str, word: str) -> bool:

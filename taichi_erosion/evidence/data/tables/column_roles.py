@@ -199,8 +199,8 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
-        counted = any(re.match(r"[<>~≈±(]?\s*[-+]?[.,]?\d", cell) for cell in content)  # `Na2SO4` is a word
-        fixed = role in ("group", "source") or (role in ("observable", "condition") and counted)
+        has_number = any(re.match(r"[<>~≈±(]?\s*[-+]?[.,]?\d", cell) for cell in content)  # `Na2SO4` has none
+        fixed = role in ("group", "source") or (role in ("observable", "condition") and has_number)
         return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
     height = wind_height_of_heading(heading, name)
     if not isnan(height):
@@ -383,9 +383,9 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
-        own = f"or say --condition '{heading.name}={heading.unit}' where it is another quantity"
-        words = f"{column.name} counts in {counted}; give it in that unit{tangent}, {own}"
-        return reading.reject(column, words)
+        words = f"{column.name} counts in {counted}; give it in that unit{tangent}"
+        option = f"--condition '{heading.name}={heading.unit}'"
+        return reading.reject(column, f"{words}, or say {option} where it is another quantity")
     based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
     if column.name == "conditions.moisture" and heading.unit in ("%", "‰", "1", "-") and not based:
         assumption = f"'{heading.text}' counts as a share of dry soil by mass"
