@@ -79,7 +79,11 @@ def run_one_launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers
     wall, processor_time = time.perf_counter() - start, time.process_time() - processor_time
     if sim.has_launched:
         sim.pace = float((steps - undone).max()) / wall
-        judge_team_size(sim, size, wall, processor_time)
+        most = largest_team(sim)
+        if most > 1 and sim.team.adapts:
+            late = bool(download([replicas.late], 0, count)[0].any())
+            record_launch(sim.team, count, size, wall, processor_time)
+            adapt_team_size(sim.team, count, size, most, late)
     sim.has_launched = True
     return status, undone
 
@@ -101,15 +105,6 @@ def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:
 def largest_team(sim: Simulation) -> int:
     """Workers that can share one replica."""
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
-
-
-def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: float) -> None:
-    """Judge the size of the teams after a launch and its times [s]."""
-    most, count = largest_team(sim), len(sim.setups)
-    if most > 1 and sim.team.adapts:
-        late = bool(download([sim.world.replicas.late], 0, count)[0].any())
-        record_launch(sim.team, count, size, wall, processor_time)
-        adapt_team_size(sim.team, count, size, most, late)
 
 
 def replica_statuses(sim: Simulation) -> Integers:
