@@ -25,27 +25,13 @@ SECTION = re.compile(r"^#{3,4} (?P<name>.+)$", re.MULTILINE)
 LINE = re.compile(r"^- (?P<keys>`\w+[^:]*?`): (?P<told>.*)$", re.MULTILINE)
 KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
 COMMON, ANSWER = "Every document of a study", "compare, discover, adopt, next"
-RECORDS = {
-    "fault": SetUpFault,
-    "parameter": record.ParameterPart,
-    "level": record.LevelPart,
-    "unstated error": record.ErrorPart,
-    "repeats": record.RepeatPart,
-    "scatter": record.ScatterPart,
-    "law": record.LawPart,
-    "dose": record.DosePart,
-    "mechanism": record.MechanismPart,
-    "curve": record.CurvePart,
-    "point": record.PointPart,
-    "answer": record.DecisionPart,
-    "effect": record.EffectPart,
-    "place": record.PlacePart,
-    "interval": record.Interval,
-    "experiment": record.ExperimentPart,
-    "fresh test": record.FreshPart,
-    "gap": record.GapPart,
-    "scale": Scale,
-}
+RECORDS = {"fault": SetUpFault, "parameter": record.ParameterPart, "level": record.LevelPart}
+RECORDS |= {"unstated error": record.ErrorPart, "repeats": record.RepeatPart, "scatter": record.ScatterPart}
+RECORDS |= {"law": record.LawPart, "dose": record.DosePart, "mechanism": record.MechanismPart}
+RECORDS |= {"curve": record.CurvePart, "point": record.PointPart, "answer": record.DecisionPart}
+RECORDS |= {"effect": record.EffectPart, "place": record.PlacePart, "interval": record.Interval}
+RECORDS |= {"experiment": record.ExperimentPart, "fresh test": record.FreshPart, "gap": record.GapPart}
+RECORDS |= {"scale": Scale}
 pytestmark = pytest.mark.docs
 _, *PARTS = SECTION.split(PAGE)
 
