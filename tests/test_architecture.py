@@ -47,21 +47,6 @@ def each_file(broken: Callable[[Path], Iterator[str]]) -> Callable[[], None]:
     return test
 
 
-def body_lines(function: ast.FunctionDef) -> int:
-    first = function.body[0]
-    if ast.get_docstring(function) is not None and len(function.body) > 1:
-        first = function.body[1]
-    assert function.end_lineno is not None
-    return function.end_lineno - first.lineno + 1
-
-
-def own_variables(function: ast.FunctionDef) -> set[str]:
-    """Names that belong to the function alone: writing to them is nobody else's concern."""
-    named = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
-    names = {node.id for node in named if isinstance(node.ctx, ast.Store)}
-    return names - {argument.arg for argument in function.args.args} - set(aliases_of(function))
-
-
 @cache
 def device_signatures() -> dict[str, list[str]]:
     """Argument names of every Taichi function whose name occurs once in the package."""
@@ -83,7 +68,10 @@ def handed_over(function: ast.FunctionDef, signatures: dict[str, list[str]]) -> 
 
 def silent_writes(function: ast.FunctionDef, signatures: dict[str, list[str]]) -> set[str]:
     """What the function changes although no name says so."""
-    aliases, own = aliases_of(function), own_variables(function)
+    aliases, names = aliases_of(function), [node for node in ast.walk(function) if isinstance(node, ast.Name)]
+    # names that belong to the function alone: writing to them is nobody else's concern
+    own = {node.id for node in names if isinstance(node.ctx, ast.Store)} - set(aliases)
+    own -= {argument.arg for argument in function.args.args}
     changed = [*written_places(function), *handed_over(function, signatures)]
     paths = {ast.unparse(expression): path_of(expression, aliases) for expression in changed}
     return {t for t, p in paths.items() if p and p[0] not in own and not p[0].endswith("_out")}
@@ -93,8 +81,11 @@ def silent_writes(function: ast.FunctionDef, signatures: dict[str, list[str]]) -
 def test_files_and_functions_stay_short(path):
     if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST_FILE:
         yield "the file"
-    lengths = ((f, LONGEST_FUNCTION[is_device_function(f)]) for f in functions(tree_of(path)))
-    yield from (function.name for function, most in lengths if body_lines(function) > most)
+    for function in functions(tree_of(path)):
+        first = function.body[ast.get_docstring(function) is not None and len(function.body) > 1]
+        assert function.end_lineno is not None
+        if function.end_lineno - first.lineno >= LONGEST_FUNCTION[is_device_function(function)]:
+            yield function.name
 
 
 @each_file

@@ -149,12 +149,9 @@ def simulation_function() -> Iterator[RunFunction]:
     def replica_request(payload: dict[str, Any]) -> ReplicaRequest:
         scene = parse_scene(payload["scene"], "scene of the campaign", Path(payload["folder"]))
         files = tuple(EffectFile(Path(path), text) for path, text in payload["effect_files"])
-        return ReplicaRequest(
-            scene=checks.attach_effects_to_scene(scene, files) if scene.effects else scene,
-            seed=payload["seed"],
-            record=Path(payload["record"]) if payload["record"] else None,
-            properties=payload["properties"],
-        )
+        scene = checks.attach_effects_to_scene(scene, files) if scene.effects else scene
+        record = Path(payload["record"]) if payload["record"] else None
+        return ReplicaRequest(scene, payload["seed"], record, payload["properties"])
 
     def simulate_batch(payloads: Payloads, send_record: SendRecord) -> None:
         nonlocal previous

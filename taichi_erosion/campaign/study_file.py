@@ -19,7 +19,7 @@ from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.scene.load import error_lines, first_error_line, lists_to_tuples, read_toml
+from taichi_erosion.scene.load import error_lines, fault_lines, first_error_line, lists_to_tuples, read_toml
 from taichi_erosion.scene.paths import DIALECT
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, entry, number
 
@@ -356,13 +356,12 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:
-        lines = error_lines(error, table)
-        lines = [line.replace("candidates.tables.", "candidates.") for line in lines]
-        raise BadInput(*(f"{name}: {line}" for line in lines)) from None
+        lines = [line.replace("candidates.tables.", "candidates.") for line in error_lines(error, table)]
+        raise BadInput(*fault_lines(name, lines)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"{name}: cannot be used: {first_error_line(error)}") from None
     if lines := list(problems(file)):
-        raise BadInput(*(f"{name}: {line}" for line in lines))
+        raise BadInput(*fault_lines(name, lines))
     return file
 
 
@@ -388,7 +387,7 @@ def with_entry(text: str, path: Sequence[str], value: float | str | list[str], n
             is_inline = isinstance(table, InlineTable)  # a comment would hide its end
             set_entry_comment(table[last], "" if is_inline else note)
         result = tomlkit.dumps(document)
-        if toml_entry(result, path) == value:
+        if value_at_keys(tomllib.loads(result), path) == value:
             return result
     except (TOMLKitError, TypeError, ValueError):
         pass
@@ -400,12 +399,11 @@ def set_entry_comment(item: Any, note: str) -> None:
     item.trivia.comment, item.trivia.comment_ws = (f"# {note}", "  ") if note else ("", "")
 
 
-def toml_entry(text: str, path: Sequence[str]) -> Any:
-    """Entry of a TOML text, None where there is none."""
-    holder: Any = tomllib.loads(text)
-    for key in path:
-        holder = holder.get(key) if isinstance(holder, dict) else None
-    return holder
+def value_at_keys(table: Any, keys: Sequence[str]) -> Any:
+    """What stands in a raw table below some keys, None where there is nothing."""
+    for key in keys:
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
 
 
 def study_schema() -> dict[str, Any]:

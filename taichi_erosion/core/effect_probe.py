@@ -42,39 +42,15 @@ from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, download, download_field, upload
 
-PAIR = {  # two grains of 0.2 mm in contact
-    "gap": 0.0,
-    "radius_i": 1e-4,
-    "radius_j": 1e-4,
-    "radius_effective": 5e-5,
-    "mass_i": 1e-8,
-    "mass_j": 1e-8,
-    "closing_speed": 0.1,
-    "stiffness": 100.0,
-    "touched": 1.0,
-    "normal": (1.0, 0.0, 0.0),
-    "offset": (2e-4, 0.0, 0.0),
-    "period": (0.0, 0.0, 0.0),
-}
-GRAIN = {  # a grain of 0.2 mm in the wind above a bed
-    "position": (0.01, 0.002, 0.005),
-    "velocity": (1.0, 0.1, -0.2),
-    "spin": (10.0, 300.0, -20.0),
-    "radius": 1e-4,
-    "mass": 1e-8,
-    "air_velocity": (3.0, 0.0, 0.0),
-    "air_shear": 300.0,
-    "air_density": 1.2,
-    "air_viscosity": 1.8e-5,
-    "friction_velocity": 0.3,
-    "void_fraction": 1.0,
-    "height": 0.005,
-    "period": (0.0, 0.0, 0.0),
-    "noise": (0.3, -0.5, 1.1),
-    "interval": 1e-4,
-    "time": 0.5,
-    "chance": 0.37,
-}
+# two grains of 0.2 mm in contact
+PAIR = {"radius_i": 1e-4, "radius_j": 1e-4, "radius_effective": 5e-5, "mass_i": 1e-8, "mass_j": 1e-8}
+PAIR |= {"gap": 0.0, "closing_speed": 0.1, "stiffness": 100.0, "touched": 1.0, "normal": (1.0, 0.0, 0.0)}
+PAIR |= {"offset": (2e-4, 0.0, 0.0), "period": (0.0, 0.0, 0.0)}
+# a grain of 0.2 mm in the wind above a bed
+GRAIN = {"position": (0.01, 0.002, 0.005), "velocity": (1.0, 0.1, -0.2), "spin": (10.0, 300.0, -20.0)}
+GRAIN |= {"radius": 1e-4, "mass": 1e-8, "height": 0.005, "period": (0.0, 0.0, 0.0), "void_fraction": 1.0}
+GRAIN |= {"air_velocity": (3.0, 0.0, 0.0), "air_shear": 300.0, "air_density": 1.2, "air_viscosity": 1.8e-5}
+GRAIN |= {"friction_velocity": 0.3, "noise": (0.3, -0.5, 1.1), "interval": 1e-4, "time": 0.5, "chance": 0.37}
 FIRST_CONTACT = {"height": 0.01, "depth": 0.01, "chance": 0.37}  # high in the air, at first touch
 PLACE_I, PLACE_J, PLACES = 0, 1, 2  # places of two grains whose state an effect reads
 TYPICAL = {"pair": PAIR, "first_contact": FIRST_CONTACT, "grain": GRAIN}

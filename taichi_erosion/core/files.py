@@ -196,11 +196,7 @@ class ListedFolder:
     def write_file(self, name: str, content: bytes) -> Path:
         """Write a file and list it."""
         path = write_atomic(self.path / name, content)
-        self.list_file(name)
-        return path
-
-    def list_file(self, name: str) -> None:
-        """List a file as it is now."""
-        digests = self.digests | {name: content_digest((self.path / name).read_bytes())}
+        digests = self.digests | {name: content_digest(path.read_bytes())}
         text = json.dumps(dict(sorted(digests.items())), indent=1) + "\n"
         write_atomic(self.path / LIST, text.encode())
+        return path

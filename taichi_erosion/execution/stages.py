@@ -201,14 +201,13 @@ def measure_inputs_of_replica(
 ) -> Callable[[str], MeasureInput]:
     """Input of each measure of one replica, by name: its present state and the frames of its stage."""
     end = simulation.snapshot(sim, replica)
-    air = simulation.air_profile(sim, replica) if scene.wind is not None else None
     of_any_measure = partial(
         MeasureInput,
         scene,
         end=end,
         frames=tuple(state.frames),
         tilts=tuple(state.tilts),
-        air=air,
+        air=simulation.air_profile(sim, replica) if scene.wind is not None else None,
         airs=tuple(state.airs),
         thresholds={} if state.search is None else state.search.brackets,
         profile=partial(present_grain_fields, sim, replica),

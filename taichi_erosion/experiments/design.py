@@ -108,13 +108,9 @@ def stack_parts(
     """
     coded = np.concatenate([points for _, points in parts])
     queue = np.arange(len(coded)) if seed is None else np.random.default_rng(seed).permutation(len(coded))
-    return Design(
-        name=name,
-        factors=tuple(factors),
-        coded=coded + 0.0,  # a level of -0.0 would print with its sign
-        run_order=np.argsort(queue) + 1,
-        kinds=tuple(kind for kind, points in parts for _ in points),
-    )
+    kinds: tuple[PointKind, ...] = tuple(kind for kind, points in parts for _ in points)
+    # a level of -0.0 would print with its sign
+    return Design(name, tuple(factors), coded + 0.0, np.argsort(queue) + 1, kinds)
 
 
 def design_csv(design: Design) -> str:

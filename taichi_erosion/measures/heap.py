@@ -84,22 +84,21 @@ def mean_top(snapshot: Snapshot, count: int, base_height: float) -> float:
     return float(np.sort(snapshot.position[:, 2] + snapshot.radius)[-count:].mean()) - base_height
 
 
-def single_value(name: str, unit: str, snapshot: Snapshot, value: Callable[[Snapshot], float]) -> Measurement:
-    """Measurement of one number without a spread, or the defect of the snapshot."""
+def single_length(name: str, snapshot: Snapshot, value: Callable[[Snapshot], float]) -> Measurement:
+    """Measurement of one length [m] without a spread, or the defect of the snapshot."""
     if reason := why_snapshot_unmeasurable(snapshot):
-        return no_measurement(name, unit, reason)
-    return Measurement(name, value(snapshot), nan, unit)
+        return no_measurement(name, "m", reason)
+    return Measurement(name, value(snapshot), nan, "m")
 
 
 def pile_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean top of the five highest grains [m]."""
-    return single_value("pile_height", "m", snapshot, lambda s: mean_top(s, HIGHEST_GRAINS, base_height))
+    return single_length("pile_height", snapshot, lambda s: mean_top(s, HIGHEST_GRAINS, base_height))
 
 
 def centroid_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean height of all grain centres [m]: the observable with the best signal-to-noise ratio."""
-    name = "centroid_height"
-    return single_value(name, "m", snapshot, lambda s: float(s.position[:, 2].mean()) - base_height)
+    return single_length("centroid_height", snapshot, lambda s: float(s.position[:, 2].mean()) - base_height)
 
 
 def radius_90(snapshot: Snapshot) -> Measurement:
@@ -109,13 +108,13 @@ def radius_90(snapshot: Snapshot) -> Measurement:
         distance = np.sort(np.linalg.norm(state.position[:, :2] - heap_axis(state.position), axis=1))
         return float(distance[int(RADIUS_SHARE * distance.size)])
 
-    return single_value("radius_90", "m", snapshot, radius_of_90_percent)
+    return single_length("radius_90", snapshot, radius_of_90_percent)
 
 
 def settled_column_height(snapshot: Snapshot, base_height: float = 0.0) -> Measurement:
     """Mean top of the highest 5 % of the grains [m], for the settled column before its release."""
     count = max(1, int(COLUMN_TOP_SHARE * snapshot.radius.size))
-    return single_value("column_height", "m", snapshot, lambda s: mean_top(s, count, base_height))
+    return single_length("column_height", snapshot, lambda s: mean_top(s, count, base_height))
 
 
 def mean_ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import chain
 from math import isfinite, nan
 from pathlib import Path
 from typing import Any
@@ -62,17 +63,20 @@ def pool_repeats(repeats: Sequence[Measurement]) -> Measurement:
     if len(valid) < len(repeats):
         notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
     flags = Counter(flag for repeat in valid for flag in repeat.details.get("flags", ()))
-    details, lacking = {"values": values, "flags": dict(flags)}, shortfalls_of_most_repeats(repeats)
+    details, lacking = (
+        {"values": values, "flags": dict(flags)},
+        shortfalls_of_most([r.shortfalls for r in repeats]),
+    )
     if not valid:
         return Measurement(name, nan, nan, unit, 0, notes, details, lacking)
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
     return Measurement(name, float(np.mean(values)), sd, unit, len(values), notes, details, lacking)
 
 
-def shortfalls_of_most_repeats(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
+def shortfalls_of_most(repeats: Sequence[Sequence[Shortfall]]) -> tuple[Shortfall, ...]:
     """Shortfalls that at least half of the repeats have, each as the repeat in the middle has it."""
     by_flag: dict[str, list[Shortfall]] = {}
-    for lack in (lack for repeat in repeats for lack in repeat.shortfalls):
+    for lack in chain(*repeats):
         by_flag.setdefault(lack.flag, []).append(lack)
     common = [alike for alike in by_flag.values() if 2 * len(alike) >= len(repeats)]
     return tuple(sorted(each, key=lambda lack: lack.found)[(len(each) - 1) // 2] for each in common)

@@ -10,13 +10,14 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import FIELD_UNITS, AirSnapshot, GrainFields
 from taichi_erosion.recording import pictures, rr, rrb, stream
 from taichi_erosion.recording.blueprint import add_time_panel, image_view
-from taichi_erosion.recording.pictures import Colours, Picture
+from taichi_erosion.recording.pictures import Picture
 from taichi_erosion.recording.stream import Recording
 
 SLICE_PIXELS = 900  # longer side of a slice [px]
 SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
-STILL_AIR = np.array(pictures.NIGHT)  # colour of still air
-FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
+SPEED_COLOURS = np.array(  # from still air to the fastest wind
+    [pictures.NIGHT, (38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)]
+)
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
 TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
 BACKFLOW = 0.01  # of the fastest wind: slower backflow is drawn as 0 [1]
@@ -61,16 +62,11 @@ def speed_slice_picture(state: AirSnapshot) -> Picture:
     heights = state.faces_z[0] + height * (np.arange(rows)[::-1] + 0.5) / rows
     up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
     fastest = max(float(speed.max()), np.finfo(float).tiny)
-    picture = Image.fromarray(wind_colours(speed[across[None, :], up[:, None]] / fastest))
-    bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
+    shares = speed[across[None, :], up[:, None]] / fastest
+    picture = Image.fromarray(pictures.interpolate_colours(shares, SPEED_COLOURS))
+    bar = pictures.interpolate_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]), SPEED_COLOURS)
     pictures.draw_colour_bar(picture, (pictures.MARGIN, pictures.MARGIN), bar, (0.0, fastest))
     return picture
-
-
-def wind_colours(share: Floats) -> Colours:
-    """Colour of a share of the fastest wind [1]."""
-    anchors = np.vstack([STILL_AIR, FAST])
-    return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)
 
 
 def log_grain_fields(recording: Recording, fields: GrainFields) -> None:

@@ -39,10 +39,16 @@ def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset())
 
 def triangulate(kind: PrimitiveKind, shape: Floats, bounds: Box) -> tuple[Floats, Integers]:
     """Vertices [m] and triangles of one primitive, its numbers ordered as PrimitiveKind says."""
+    import trimesh
+
     if kind == PrimitiveKind.PLANE:
         return plane_mesh(shape[0:3], shape[3:6], bounds)
     if kind == PrimitiveKind.REVOLVED:
-        return revolved_mesh(shape[0:3], shape[3:6], shape[6:10])
+        pose = np.asarray(trimesh.geometry.align_vectors((0.0, 0.0, 1.0), shape[3:6]))
+        pose[:3, 3] = shape[0:3]
+        # a line segment turned about an axis: radius and height of one end, then of the other
+        mesh = trimesh.creation.revolve(shape[6:10].reshape(2, 2), sections=SEGMENTS, transform=pose)
+        return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32)
     return shape[0:9].reshape(3, 3), np.array([[0, 1, 2]], dtype=np.int32)
 
 
@@ -61,16 +67,6 @@ def plane_mesh(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Inte
     first, second = 0.5 * (np.abs(edges) @ (high - low))[:, None] * edges
     corners = np.array([-first - second, first - second, first + second, second - first])
     return centre + corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-
-
-def revolved_mesh(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integers]:
-    """Line segment turned about an axis; `profile` = radius and height of one end, then of the other [m]."""
-    import trimesh
-
-    pose = np.asarray(trimesh.geometry.align_vectors((0.0, 0.0, 1.0), axis))
-    pose[:3, 3] = point
-    mesh = trimesh.creation.revolve(profile.reshape(2, 2), sections=SEGMENTS, transform=pose)
-    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32)
 
 
 def wall_cut_lines(wall: WallMesh) -> Floats:

@@ -29,20 +29,11 @@ ROLES = {  # colour of a figure -> variable of the page's style sheet, which has
     **{BEFORE: "--before", AFTER: "--after", CONTROL: "--control"},
 }
 STYLE: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.titlesize": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "evidence",
-    "text.color": INK,
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "legend.frameon": False,
+    **dict.fromkeys(("font.size", "axes.titlesize"), 9.0),
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.frameon"), False),
+    **{"svg.fonttype": "none", "svg.hashsalt": "evidence"},
+    **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.labelcolor", "ytick.labelcolor"), INK),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), SOFT),
 }
 WIDE, NARROW = 7.4, 3.5  # width of a figure over the whole page, and on a phone [in]
 PANEL = (3.6, 2.9)  # in

@@ -39,10 +39,8 @@ TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0))
 LENGTH = PhysicalRange("m", 0.0, 100.0)
 SHARE = PhysicalRange("1", 0.0, 1.0)
 OBSERVED: Mapping[str, PhysicalRange] = {
-    **dict.fromkeys(
-        ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle"), ANGLE
-    ),
-    **dict.fromkeys(("friction_angle", "residual_friction_angle"), ANGLE),
+    **dict.fromkeys(("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle"), ANGLE),
+    **dict.fromkeys(("sliding_angle", "friction_angle", "residual_friction_angle"), ANGLE),
     **dict.fromkeys(("shear_stress", "normal_stress"), PhysicalRange("Pa", 0.0, 1e9)),
     "wall_force": PhysicalRange("N", -1e6, 1e6),
     "wall_torque": PhysicalRange("N m", -1e6, 1e6),
@@ -50,18 +48,8 @@ OBSERVED: Mapping[str, PhysicalRange] = {
     "impact_threshold_linear": THRESHOLD,
     "threshold_wind_speed": TUNNEL_WIND,
     "flux": PhysicalRange("kg/(m s)", 0.0, 100.0),
-    **dict.fromkeys(
-        (
-            "pile_height",
-            "centroid_height",
-            "radius_90",
-            "runout_radius",
-            "column_height",
-            "flux_height",
-            "peak_displacement",
-        ),
-        LENGTH,
-    ),
+    **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "runout_radius"), LENGTH),
+    **dict.fromkeys(("column_height", "flux_height", "peak_displacement"), LENGTH),
     **dict.fromkeys(("rebound_share", "solid_fraction"), SHARE),
     "lateral_stress_ratio": PhysicalRange("1", 0.0, 50.0),
     "mass_flow": PhysicalRange("kg/s", -1e6, 1e6),

@@ -31,13 +31,6 @@ def steps_and_status_of_replicas(sim: Simulation) -> tuple[Integers, Integers, I
     return step, status, remaining
 
 
-def steps_to_reach_times(sim: Simulation, until: Sequence[float], steps_done: Integers) -> Integers:
-    """Whole steps that bring every replica to its time after those `taken`; 0 for those already there."""
-    dt = np.array([setup.time_step for setup in sim.setups])
-    total = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
-    return np.maximum(total - steps_done, 0).astype(np.int32)
-
-
 def advance(sim: Simulation, until: Sequence[float]) -> None:
     """Run every replica that has not failed to its own time [s].
 
@@ -45,7 +38,9 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
     host; their length changes no result.
     """
     steps_done, status, _ = steps_and_status_of_replicas(sim)
-    remaining = steps_to_reach_times(sim, until, steps_done)
+    time_steps = np.array([setup.time_step for setup in sim.setups])
+    total = np.ceil(np.asarray(until, np.float64) / time_steps - ROUNDING)
+    remaining = np.maximum(total - steps_done, 0).astype(np.int32)
     while True:
         remaining = np.where(status == Status.RUNNING, remaining, 0)
         if not remaining.any():
@@ -56,7 +51,10 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
         status, undone = run_one_launch(sim, portion)
         remaining = remaining - (portion - undone)
         if (status == Status.OVERFLOW).any():
-            double_list_capacity(sim)
+            state = export_state(sim)
+            state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
+            reallocate_fields(sim, double_list_capacities(sim.capacities))
+            import_state(sim, state)
             status = replica_statuses(sim)
 
 
@@ -81,7 +79,11 @@ def run_one_launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers
     wall, processor_time = time.perf_counter() - start, time.process_time() - processor_time
     if sim.has_launched:
         sim.pace = float((steps - undone).max()) / wall
-        judge_team_size(sim, size, wall, processor_time)
+        most = largest_team(sim)
+        if most > 1 and sim.team.adapts:
+            late = bool(download([replicas.late], 0, count)[0].any())
+            record_launch(sim.team, count, size, wall, processor_time)
+            adapt_team_size(sim.team, count, size, most, late)
     sim.has_launched = True
     return status, undone
 
@@ -105,26 +107,9 @@ def largest_team(sim: Simulation) -> int:
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
 
 
-def judge_team_size(sim: Simulation, size: int, wall: float, processor_time: float) -> None:
-    """Judge the size of the teams after a launch and its times [s]."""
-    most, count = largest_team(sim), len(sim.setups)
-    if most > 1 and sim.team.adapts:
-        late = bool(download([sim.world.replicas.late], 0, count)[0].any())
-        record_launch(sim.team, count, size, wall, processor_time)
-        adapt_team_size(sim.team, count, size, most, late)
-
-
 def replica_statuses(sim: Simulation) -> Integers:
     """Status of every replica."""
     return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
-
-
-def double_list_capacity(sim: Simulation) -> None:
-    """Double the capacity of the lists and carry the state over."""
-    state = export_state(sim)
-    state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
-    reallocate_fields(sim, double_list_capacities(sim.capacities))
-    import_state(sim, state)
 
 
 def failure_of(sim: Simulation, replica: int) -> Failure | None:

@@ -163,14 +163,6 @@ def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: in
     return np.repeat(start, number) + stride * within
 
 
-def resize_partition_numbers(numbers: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
-    """Numbers by replica and partition in a field of another size, zero where none is saved."""
-    column = np.zeros(room, numbers.dtype)
-    rows, columns = np.minimum(numbers.shape, room)
-    column[:rows, :columns] = numbers[:rows, :columns]
-    return column
-
-
 def import_state(sim: Simulation, state: Arrays) -> None:
     """Put an exported state on the device; the Setups must be those it was exported with."""
     ensure_capacity(sim, state)
@@ -178,9 +170,12 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     replicas = world.replicas
     clocks = saved_fields("", replicas, REPLICA, state)
     upload([*clocks, (replicas.stale, state["stale"]), (replicas.side, np.zeros(count))])
-    for name in FAULT:
-        field = getattr(replicas, name)
-        write_field(field, resize_partition_numbers(state[name], field.shape))
+    for name in FAULT:  # by replica and partition, of which there may be others now; zero where none is saved
+        field, numbers = getattr(replicas, name), state[name]
+        rows, columns = np.minimum(numbers.shape, field.shape)
+        column = np.zeros(field.shape, numbers.dtype)
+        column[:rows, :columns] = numbers[:rows, :columns]
+        write_field(field, column)
     sums = (world.walls.push, world.walls.stiffness)
     for stale in (replicas.need, world.grains.force, world.grains.torque, *sums):
         write_field(stale, 0)

@@ -68,7 +68,10 @@ def adapt_team_size(team: Team, teams: int, size: int, most: int, late: bool) ->
     idle = teams * size * team.wall - team.processor_time
     if size > 1 and (team.wall >= WINDOW or idle >= LOST_MOST * teams):
         if team.has_late_worker and idle * size > teams * team.wall:
-            shrink_team(team, now, min(max(round(idle / (teams * team.wall)), 1), size - 1))
+            # those left out come back later where the last one came back too early
+            team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.growth_time < RELAPSE else WAIT_LEAST
+            team.absent += min(max(round(idle / (teams * team.wall)), 1), size - 1)
+            team.shrink_time = now
         reset_launch_window(team)
     if 0 < team.absent and size < most and now - max(team.shrink_time, team.growth_time) >= team.wait:
         team.absent //= 2
@@ -79,10 +82,3 @@ def adapt_team_size(team: Team, teams: int, size: int, most: int, late: bool) ->
 def reset_launch_window(team: Team) -> None:
     """Forget the launches that have been judged."""
     team.wall, team.processor_time, team.has_late_worker = 0.0, 0.0, False
-
-
-def shrink_team(team: Team, now: float, fewer: int) -> None:
-    """Leave so many more workers out; they come back later where the last one came back too early."""
-    team.wait = min(2.0 * team.wait, WAIT_MOST) if now - team.growth_time < RELAPSE else WAIT_LEAST
-    team.absent += fewer
-    team.shrink_time = now

@@ -54,7 +54,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     Wind that starts from rest has initial turbulence and develops over grains that keep their places. A wind
     that changes keeps its eddies: all velocities grow with u*, all pressures with its square.
     """
-    air, setup = air_on_device(sim, replica)
+    (air, setup), count = air_on_device(sim, replica), len(sim.setups)
     if before > 0.0 or after == 0.0:
         factor = after / before if before > 0.0 else 0.0
         for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
@@ -64,32 +64,16 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     else:
         u, v, w = initial_wind(setup, after)
         set_velocities(air, replica, (u, v, w))
-    select_replicas_of_grids(sim, np.arange(len(sim.setups)) == replica)
-    match_air_to_grains(sim.world, sim.coupling, len(sim.setups), sim.chunk)
+    select_replicas_of_grids(sim, np.arange(count) == replica)
+    match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
     if anew:
-        clear_residuals(sim.world, sim.coupling, len(sim.setups), sim.chunk)
+        clear_residuals(sim.world, sim.coupling, count, sim.chunk)
     if before == 0.0 and after > 0.0:
-        grow_turbulence(sim, replica, after)
-
-
-def grow_turbulence(sim: Simulation, replica: int, friction_velocity: float) -> None:
-    """Advance the air over resting grains for the stated number of turnovers."""
-    air, setup = air_on_device(sim, replica)
-    assert setup.initial_turbulence is not None
-    time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / friction_velocity
-    count = len(sim.setups)
-    for _ in range(ceil(time / setup.time_step)):
-        advance_active_replicas(air, count, sim.chunk)
-        match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
-
-
-def set_bed_friction_velocity(sim: Simulation, replica: int, value: float) -> None:
-    """Change the stress on the bed of one replica to rho u*^2; `value` is u* [m s-1] before its partition."""
-    air, setup = air_on_device(sim, replica)
-    reaching = value * sim.setups[replica].coupling.partition
-    upload([(air.numbers.friction_velocity, [reaching])], replica)
-    if not air.is_column:
-        upload([(air.numbers.driving_gradient, [(stress_gradient(setup, reaching), 0.0, 0.0)])], replica)
+        assert setup.initial_turbulence is not None
+        time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / after
+        for _ in range(ceil(time / setup.time_step)):
+            advance_active_replicas(air, count, sim.chunk)
+            match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
 
 
 def friction_velocity(sim: Simulation, replica: int) -> float:
@@ -101,15 +85,16 @@ def friction_velocity(sim: Simulation, replica: int) -> float:
 def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False) -> None:
     """Change u* [m s-1] and advance the air of one replica to its steady profile before the grains move on.
 
-    `anew`: the grains have just been put back, and the residual momentum is cleared. A grid has no steady
-    profile: see `change_grid_wind`.
+    `value` is u* before its partition. `anew`: the grains have just been put back, and the residual momentum
+    is cleared. A grid has no steady profile: see `change_grid_wind`.
     """
+    (air, setup), part = air_on_device(sim, replica), sim.setups[replica].coupling.partition
     before = friction_velocity(sim, replica)
-    set_bed_friction_velocity(sim, replica, value)
-    if air_on_device(sim, replica)[0].is_column:
+    upload([(air.numbers.friction_velocity, [value * part])], replica)
+    if air.is_column:
         spin_up_column(sim.world, sim.coupling, replica, anew)
     else:
-        part = sim.setups[replica].coupling.partition
+        upload([(air.numbers.driving_gradient, [(stress_gradient(setup, value * part), 0.0, 0.0)])], replica)
         change_grid_wind(sim, replica, part * before, part * value, anew)
 
 

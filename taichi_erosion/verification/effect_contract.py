@@ -30,17 +30,10 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit
 LEAST_CHECKS = 3
 LIKE = 0.8  # likeness of names from which one is taken for a misspelling of the other [1]
 WRONG = 1.1  # factor by which a parameter is falsified
-CONDITIONS = {  # a laboratory that states every condition
-    "moisture": 0.02,
-    "temperature": 300.0,
-    "relative_humidity": 0.3,
-    "pressure": 9e4,
-    "altitude": 1000.0,
-    "slope": 5.0,
-    "diameter": 2e-4,
-    "angularity": 0.5,
-    "friction_velocity": 0.35,
-}
+# of a laboratory that states every condition
+CONDITIONS = {"moisture": 0.02, "temperature": 300.0, "relative_humidity": 0.3, "pressure": 9e4}
+CONDITIONS |= {"altitude": 1000.0, "slope": 5.0, "diameter": 2e-4, "angularity": 0.5}
+CONDITIONS |= {"friction_velocity": 0.35}
 WIND = {"length": 0.02, "width": 0.01, "height": 0.05}
 UNIT_OF = "unit of "  # first words of a unit that follows another number, as the reading of an instrument
 RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}

@@ -14,6 +14,7 @@ import taichi_erosion as te
 from taichi_erosion.api.runs import override_text
 from taichi_erosion.core.device import stop_device
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 SCENE = Path(__file__).parents[2] / "scenes" / "terminal_velocity.toml"
 
 
@@ -52,7 +53,6 @@ def test_a_session_runs_changes_and_returns_bit_for_bit():
     late = session.status
     session.set("gravity.magnitude", 3.0).restore("here").run(1e-3)
     assert session.status == late
-    stop_device()
 
 
 def test_a_notebook_shows_the_page_of_a_session_which_ends_where_another_begins():
@@ -82,7 +82,6 @@ def test_a_session_tells_entries_differences_and_curves():
     session.set("effects.dry_adhesion.strength", 4.0)
     assert any("effects.dry_adhesion.strength = 4 is more than 3" in each for each in session.warnings)
     assert "source: " in session.help("effects.dry_adhesion.beta")
-    stop_device()
 
 
 def test_the_package_offers_the_interface_and_no_room_bears_a_name_of_it():
@@ -111,4 +110,3 @@ def test_a_session_gives_grains_contacts_and_walls_whose_forces_carry_the_weight
     on_plate = contacts["force"].isel(contact=contacts["second"].values == -1).sum("contact")
     np.testing.assert_allclose(on_plate, -walls["force"].sel(wall="plate"))
     assert session.chains(tmp_path / "chains.png").stat().st_size > 1000
-    stop_device()

@@ -12,11 +12,11 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence import record
-from taichi_erosion.evidence.answers import commands
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification.claims import Outcome
+from tests.evidence.asking import ask
 from tests.verification import ladder
 
 ROOT = Path(__file__).parents[2]
@@ -25,27 +25,13 @@ SECTION = re.compile(r"^#{3,4} (?P<name>.+)$", re.MULTILINE)
 LINE = re.compile(r"^- (?P<keys>`\w+[^:]*?`): (?P<told>.*)$", re.MULTILINE)
 KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
 COMMON, ANSWER = "Every document of a study", "compare, discover, adopt, next"
-RECORDS = {
-    "fault": SetUpFault,
-    "parameter": record.ParameterPart,
-    "level": record.LevelPart,
-    "unstated error": record.ErrorPart,
-    "repeats": record.RepeatPart,
-    "scatter": record.ScatterPart,
-    "law": record.LawPart,
-    "dose": record.DosePart,
-    "mechanism": record.MechanismPart,
-    "curve": record.CurvePart,
-    "point": record.PointPart,
-    "answer": record.DecisionPart,
-    "effect": record.EffectPart,
-    "place": record.PlacePart,
-    "interval": record.Interval,
-    "experiment": record.ExperimentPart,
-    "fresh test": record.FreshPart,
-    "gap": record.GapPart,
-    "scale": Scale,
-}
+RECORDS = {"fault": SetUpFault, "parameter": record.ParameterPart, "level": record.LevelPart}
+RECORDS |= {"unstated error": record.ErrorPart, "repeats": record.RepeatPart, "scatter": record.ScatterPart}
+RECORDS |= {"law": record.LawPart, "dose": record.DosePart, "mechanism": record.MechanismPart}
+RECORDS |= {"curve": record.CurvePart, "point": record.PointPart, "answer": record.DecisionPart}
+RECORDS |= {"effect": record.EffectPart, "place": record.PlacePart, "interval": record.Interval}
+RECORDS |= {"experiment": record.ExperimentPart, "fresh test": record.FreshPart, "gap": record.GapPart}
+RECORDS |= {"scale": Scale}
 pytestmark = pytest.mark.docs
 _, *PARTS = SECTION.split(PAGE)
 
@@ -112,23 +98,23 @@ def studies(tmp_path: Path) -> Path:
 
 def test_every_command_prints_the_keys_of_the_page(studies, capsys):
     study = studies / "my_lab.toml"
-    checked(commands.compare_study(study, commands.no_progress))
-    assert checked(commands.discover_study(study, commands.no_progress))["named"] == ["cohesion"]
-    adopted = checked(commands.adopt_study(study, ["cohesion"], commands.no_progress))
+    checked(ask("compare", study))
+    assert checked(ask("discover", study))["named"] == ["cohesion"]
+    adopted = checked(ask("adopt", study, "cohesion"))
     assert adopted["vault"]["adopted"] == ["cohesion"]
-    assert checked(commands.discover_study(study, commands.no_progress))["vault"] == adopted["vault"]
+    assert checked(ask("discover", study))["vault"] == adopted["vault"]
     (study.parent / "at.csv").write_text("observable,diameter [mm]\nrepose_angle,0.3\n")
     assert main(["predict", str(study), "--at", str(study.parent / "at.csv"), "--json"]) == 0
     check_record(json.loads(capsys.readouterr().out), TABLES[COMMON] | TABLES["predict"], "predict")
 
 
 def test_proposed_experiments_have_the_keys_of_the_page(studies):
-    found = checked(commands.next_study(studies / "impact_threshold.toml", commands.no_progress))
+    found = checked(ask("next", studies / "impact_threshold.toml"))
     assert found["next_experiments"]
 
 
 def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(studies):
-    found = checked(commands.discover_study(studies / "beyond/rolling_wet.toml", commands.no_progress))
+    found = checked(ask("discover", studies / "beyond/rolling_wet.toml"))
     assert found["mechanisms"]["rolling_friction"]["law"] is not None
 
 

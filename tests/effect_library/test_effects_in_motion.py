@@ -1,6 +1,5 @@
 """Effects in the simulation: paired forces, replicas with and without, scenes and results they change."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
 
@@ -21,15 +20,10 @@ from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, export_state, prepare, snapshot
 from tests.verification.small_scenes import final_states
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 WET = {"moisture": 0.02}
 NO_HEAP = no_measurement("pile_height", "m", "no heap")
 LAWS, WEIGHTLESS = Laws(rolling="elastic_plastic"), (0.0, 0.0, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def device() -> Iterator[None]:
-    yield
-    stop_device()
 
 
 def with_effects(bare: Setup, **strengths: float) -> Setup:

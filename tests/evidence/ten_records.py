@@ -209,19 +209,10 @@ still_fails = replace(single, vault=replace(HELD, chi2_per_row_after=2.9, p_afte
 fitted_fails = replace(adopted, chi2_after=80.0, p_misfit_after=1e-6)
 refuted = replace(adopted, vault=replace(HELD, chi2_per_row_after=6.3, p_after=1e-20))
 
-DISCOVERIES = {
-    "null": null,
-    "single": single,
-    "pair": pair,
-    "group": group,
-    "outside": outside,
-    "mechanism": mechanism,
-    "mechanisms": mechanisms,
-    "curved": curved,
-    "contradicted": contradicted,
-    "level": level,
-    "typo": typo,
-    "stopped": stopped,
+DISCOVERIES = {"null": null, "single": single, "pair": pair, "group": group, "outside": outside}
+DISCOVERIES |= {"mechanism": mechanism, "mechanisms": mechanisms, "curved": curved}
+DISCOVERIES |= {"contradicted": contradicted, "level": level, "typo": typo, "stopped": stopped}
+DISCOVERIES |= {
     "named_and_typo": replace(single, repeats=typo.repeats),
     "not_testable": replace(null, verdict="not_testable", n=4),
     "unstable": replace(single, verdict="unstable", named=(), group=("liquid_bridge",)),

@@ -82,12 +82,8 @@ def test_a_grain_meets_its_partner_across_the_edge_of_a_periodic_box_and_stays_i
 NAN = pytest.approx(np.nan, nan_ok=True)
 ENDS = {  # status, grain, partner, value
     "runaway": (Status.LOST, 0, -1, pytest.approx(2e-3)),  # m, where the domain ends
-    "inside each other": (
-        Status.OVERLAP,
-        0,
-        1,
-        pytest.approx(0.8),
-    ),  # (2 R - 1.2 R) / R before anything moves
+    # (2 R - 1.2 R) / R before anything moves
+    "inside each other": (Status.OVERLAP, 0, 1, pytest.approx(0.8)),
     "not a number": (Status.NOT_FINITE, 0, -1, NAN),
     "infinite": (Status.NOT_FINITE, 0, -1, NAN),
 }

@@ -113,18 +113,13 @@ def test_grains_that_touch_nothing_have_no_contact_stress(world):
 
 def test_a_period_makes_the_field_of_its_images(world):
     state, contacts = world
-    at = {"x": np.array([-0.9, 0.3]), "z": np.array([0.0])}
-    period = 2.5
+    at, period = {"x": np.array([-0.9, 0.3]), "z": np.array([0.0])}, 2.5
     found = coarse_grain(state, contacts, Kernel(at, WIDTH, {"y": 1.0}, (period, 0.0, 0.0))).density
-    images = [
-        coarse_grain(
-            snapshot(state.position + np.array([k * period, 0.0, 0.0]), state.velocity, state.mass),
-            contacts,
-            Kernel(at, WIDTH, {"y": 1.0}),
-        ).density
-        for k in range(-5, 6)
-    ]
-    np.testing.assert_allclose(found, sum(images), rtol=1e-9)
+    shifts = np.arange(-5, 6)[:, None, None] * [period, 0.0, 0.0]
+    images = [snapshot(state.position + shift, state.velocity, state.mass) for shift in shifts]
+    kernel = Kernel(at, WIDTH, {"y": 1.0})
+    total = sum(coarse_grain(image, contacts, kernel).density for image in images)
+    np.testing.assert_allclose(found, total, rtol=1e-9)
 
 
 def test_a_column_of_grains_at_rest_carries_its_weight_and_fills_the_known_share():

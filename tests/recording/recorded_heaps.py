@@ -52,19 +52,10 @@ def heap_snapshot(frame: int = 0) -> Snapshot:
 def totals(frame: int) -> Totals:
     """Energies that fall by a decade every ten frames, and contacts that grow by three a frame."""
     energy = 10.0 ** (-0.1 * frame)
-    return Totals(
-        time=frame * FRAME_TIME,
-        step=100 * frame,
-        kinetic_translation=energy,
-        kinetic_rotation=0.0,
-        potential=2e-3,
-        elastic=0.01 * energy,
-        contacts=3 * frame,
-        overlap_largest=0.01,
-        speed_largest=1.0,
-        released=205,
-        rebuilds=frame,
-    )
+    energies = {"kinetic_translation": energy, "kinetic_rotation": 0.0, "potential": 2e-3}
+    counts = {"contacts": 3 * frame, "released": 205, "rebuilds": frame}
+    extremes = {"overlap_largest": 0.01, "speed_largest": 1.0}
+    return Totals(frame * FRAME_TIME, 100 * frame, elastic=0.01 * energy, **energies, **counts, **extremes)
 
 
 def header(kind: str = "repose") -> RunHeader:

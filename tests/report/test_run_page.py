@@ -24,7 +24,7 @@ def document(**changes) -> dict:
         for seed, value in ((1, 30.0), (2, 32.0), (3, 31.0))
     ]
     seeds[2]["warnings"] = ["flank <not> straight"]
-    whole = {
+    return {
         "scene": "scenes/heap.toml",
         "title": "A heap",
         "hash": "0123456789ab",
@@ -33,8 +33,7 @@ def document(**changes) -> dict:
         "measures": {"repose_angle": measure(31.0, 1.0, 3)},
         "measured": {"repose_angle": {"value": 33.0, "sd": 0.9, "n": 9, "source": "a laboratory"}},
         "versions": {"taichi_erosion": "0.1.0"},
-    }
-    return whole | changes
+    } | changes
 
 
 def written(folder: Path, **changes) -> Path:

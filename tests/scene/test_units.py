@@ -11,24 +11,13 @@ from taichi_erosion.scene.schema import units
 NO_UNITS = {"grad": "deg", "F": "degF", "MM": "'mm'", "kg/m s": "kg/(m s)", "m" * 61: ""}
 # a temperature that does not count from absolute zero has no factor
 NO_UNITS |= dict.fromkeys("degC wet m/ (m m) () m--2 m99 / €".split(), "")
+FACTORS = [("mm", "m", 1e-3), ("deg", "rad", pi / 180.0), ("°", "deg", 1.0), ("%", "kg/kg", 0.01)]
+FACTORS += [("g/(m s)", "kg m-1 s-1", 1e-3), ("kg m^-1 s⁻¹", "kg/m/s", 1.0), ("mJ/m2", "N/m", 1e-3)]
+FACTORS += [("1", "-", 1.0), ("µC/kg", "C kg-1", 1e-6)]
+OTHER_KINDS = [("deg", "1", None), ("kg/(m s)", "kg/m", None)]
 
 
-@pytest.mark.parametrize(
-    ("source", "target", "factor"),
-    [
-        ("mm", "m", 1e-3),
-        ("deg", "rad", pi / 180.0),
-        ("°", "deg", 1.0),
-        ("%", "kg/kg", 0.01),
-        ("g/(m s)", "kg m-1 s-1", 1e-3),
-        ("kg m^-1 s⁻¹", "kg/m/s", 1.0),
-        ("mJ/m2", "N/m", 1e-3),
-        ("1", "-", 1.0),
-        ("µC/kg", "C kg-1", 1e-6),
-        ("deg", "1", None),  # another kind
-        ("kg/(m s)", "kg/m", None),
-    ],
-)
+@pytest.mark.parametrize(("source", "target", "factor"), [*FACTORS, *OTHER_KINDS])
 def test_a_unit_is_converted_by_its_factor_where_the_kind_is_the_same(source, target, factor):
     # ten digits: factors are products of a few roundings
     wanted = factor and pytest.approx(factor, rel=1e-10)

@@ -15,6 +15,7 @@ from taichi_erosion.simulation.assemble import reallocate_fields
 from taichi_erosion.simulation.capacities import initial_capacities
 from taichi_erosion.simulation.step import release_grains_before_start
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
 SLIPPERY = contacts(0.0, 0.0)
@@ -56,7 +57,6 @@ def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
         if slips:
             set_contacts(sim, 0, SLIPPERY)
         assert ends(sim, FALLEN) == [alone[-1] if slips else alone[0], *alone[1:-1]]
-    stop_device()
 
 
 BESIDE, CHARGED = [PLAIN, STICKY], [with_effect(PLAIN, "electric_field")]
@@ -75,7 +75,6 @@ BESIDE, CHARGED = [PLAIN, STICKY], [with_effect(PLAIN, "electric_field")]
 def test_other_laws_other_effects_and_more_grains_get_fields_of_their_own(first, setups, laws):
     before = assemble(first, LAWS, NUMERICS)
     assert reuse_or_assemble(before, setups, laws, NUMERICS) is not before
-    stop_device()
 
 
 UNTIL = 2e-3  # s, in which a grain that starts a radius above the plate has hit it

@@ -7,7 +7,6 @@ of a speed. A graphics processor may also fuse multiplication and addition, by o
 
 import ast
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +28,7 @@ from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.assemble import reallocate_fields
 from taichi_erosion.simulation.grain_decomposition import step
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -40,12 +40,6 @@ CUDA = pytest.param(Numerics("cuda", 1, "f64"), marks=[pytest.mark.gpu, pytest.m
 devices = pytest.mark.parametrize("numerics", [pytest.param(ON_CPU, id="cpu"), CUDA])
 
 State = tuple[Snapshot, AirProfile | None]
-
-
-@pytest.fixture(autouse=True)
-def stopped() -> Iterator[None]:
-    yield
-    stop_device()
 
 
 def started(setups: list[Setup], laws: Laws, numerics: Numerics) -> Simulation:

@@ -1,6 +1,5 @@
 """Grains that leave the domain are taken out and counted; the others go on as if nothing had been there."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,15 +16,10 @@ from taichi_erosion.execution.ensemble_loop import failure_of_lost_grains
 from taichi_erosion.simulation.assemble import reallocate_fields
 from tests.verification.small_scenes import primitive_table
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS, HALF, WHOLE = Laws(rolling="elastic_plastic"), 0.02, 0.04  # s
 LOW, HIGH = (-0.02, -0.02, -1e-3), (0.02, 0.02, 0.05)  # m, of the domain
 DISC = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.5 * RADIUS, 0.0)
-
-
-@pytest.fixture(autouse=True)
-def stopped() -> Iterator[None]:
-    yield
-    stop_device()
 
 
 def on_disc(removes: bool = True) -> Setup:

@@ -38,19 +38,15 @@ def alone() -> SimpleNamespace:
     simulation.import_state(sim, heaps.state)
     heaps.back = fingerprint(simulation.snapshot(sim, 0))
     (heaps.again,) = ends(sim, WHOLE)
-    others = simulation.reuse_or_assemble(sim, [heap(GRAINS, 1), *of_two_materials()], LAWS, numerics)
+    one = heap(GRAINS, 1)
+    # every other grain of a second material: of equal contacts, and of smoother ones
+    equal = replace(one, grains=replace(one.grains, material=np.arange(GRAINS, dtype=np.int32) % 2))
+    smooth = replace(equal, contacts=replace(one.contacts, friction_sliding=np.array([0.5, 0.1, 0.1])))
+    others = simulation.reuse_or_assemble(sim, [one, equal, smooth], LAWS, numerics)
     assert others is sim  # kernels compile once
     heaps.one, *heaps.mixed = ends(others, WHOLE)
     stop_device()
     return heaps
-
-
-def of_two_materials() -> list[Setup]:
-    """The heap with every other grain of a second material: of equal contacts, and of smoother ones."""
-    one = heap(GRAINS, 1)
-    grains = replace(one.grains, material=np.arange(GRAINS, dtype=np.int32) % 2)
-    smooth = replace(one.contacts, friction_sliding=np.array([0.5, 0.1, 0.1]))
-    return [replace(one, grains=grains), replace(one, grains=grains, contacts=smooth)]
 
 
 def test_a_run_put_back_to_an_earlier_state_repeats_itself(alone):

@@ -1,6 +1,5 @@
 """Walls that follow a table, or push with a constant force or torque."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,22 +7,16 @@ import pytest
 from grain_worlds import GRAVITY, MASS, PLATE, RADIUS, ends, grains, heap, setup
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Laws, Motion, Numerics, PrimitiveKind, Servo, Setup
 from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
 from tests.verification.small_scenes import joined, primitive_table
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic")
 FORCE = 20.0 * MASS * GRAVITY  # N
 HALF, WHOLE = 0.08, 0.1  # s
 TABLE = ((0.0,) * 7, (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 4.0), (0.03, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
-
-
-@pytest.fixture(autouse=True)
-def stopped() -> Iterator[None]:
-    yield
-    stop_device()
 
 
 def press() -> Setup:

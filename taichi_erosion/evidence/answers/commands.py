@@ -14,7 +14,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import files
+from taichi_erosion.evidence.answers import files, set_up
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.answers.rounds import (
     Question,
@@ -22,13 +22,6 @@ from taichi_erosion.evidence.answers.rounds import (
     answer_question,
     discovery_question,
     plans_to_try,
-)
-from taichi_erosion.evidence.answers.set_up import (
-    blocks_verdict,
-    refuse_unknown_scatter,
-    stale_faults,
-    table_faults,
-    unit_faults,
 )
 from taichi_erosion.evidence.answers.summary import mechanism_parts, race_record
 from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_openings
@@ -66,8 +59,10 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
-        refuse_unknown_scatter(study)
-        study = replace(study, faults=(*study.faults, *stale_faults(study), *table_faults(study.problem)))
+        set_up.refuse_unknown_scatter(study)
+        study = replace(
+            study, faults=(*study.faults, *set_up.stale_faults(study), *set_up.table_faults(study.problem))
+        )
         try:
             yield study
         finally:
@@ -90,11 +85,11 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     start = perf_counter()
     with open_study(path, options) as study:
         plans = PLANS if study.options.budget is None else (study.options.budget,)
-        question = discovery_question(study, bare if blocks_verdict(study.faults) else infer_all)
+        question = discovery_question(study, bare if set_up.blocks_verdict(study.faults) else infer_all)
         inference, ready = answer_with_unit_faults(study, plans, question, progress)
         record = discover_record(inference)
         adopted = files.read_reply(study.results, study.path.stem, "adopt")
-        blocked = blocks_verdict(ready.faults)
+        blocked = set_up.blocks_verdict(ready.faults)
         if adopted is not None and adopted.about["digest"] == study.digest[:12] and not blocked:
             record = files.with_adoption(record, adopted.record)
         return store_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
@@ -165,7 +160,7 @@ def answer_with_unit_faults(
 ) -> tuple[StudyInference, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
     inference, ready = answer_question(study, plans, question, progress)
-    return inference, replace(ready, faults=(*ready.faults, *unit_faults(inference.posterior.race)))
+    return inference, replace(ready, faults=(*ready.faults, *set_up.unit_faults(inference.posterior.race)))
 
 
 def discover_record(inference: StudyInference) -> Record:
@@ -210,7 +205,7 @@ def store_reply(
     study: Study, command: Command, inference: StudyInference, record: Record, start: float, **details: Any
 ) -> Reply:
     """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
-    if command != "adopt" and blocks_verdict(study.faults):
+    if command != "adopt" and set_up.blocks_verdict(study.faults):
         waits = {"named": (), "group": (), "acting_mechanisms": (), "mechanisms": {}, "sensitivity": {}}
         record = replace(record, verdict="not_testable", **waits)
     runs = record.runs if study.simulations is None else study.simulations

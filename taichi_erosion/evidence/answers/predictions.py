@@ -26,16 +26,9 @@ from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, condition_units, read_new_conditions
+from taichi_erosion.evidence.race import outlook as outlooks
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.fit import Race
-from taichi_erosion.evidence.race.outlook import (
-    JointRows,
-    forecast,
-    held_out_rows,
-    joint_rows,
-    leave_one_out_shares,
-    new_rows,
-)
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
@@ -132,15 +125,15 @@ def latest_adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tupl
     return path, ()
 
 
-def rows_to_predict(race: Race, new: NewConditions) -> JointRows:
+def rows_to_predict(race: Race, new: NewConditions) -> outlooks.JointRows:
     """Wanted rows of the fitted observables, with the model there."""
     finite = np.isin(new.observable, race.prepared.rows.names)
     chosen = NewConditions(**pick_rows({key: getattr(new, key) for key in ROW_WISE}, finite))
-    return joint_rows(race, new_rows(race.prepared, chosen))
+    return outlooks.joint_rows(race, outlooks.new_rows(race.prepared, chosen))
 
 
 def predict_new_rows(
-    posterior: Posterior, wanted: NewConditions, opened: bool = False, query: JointRows | None = None
+    posterior: Posterior, wanted: NewConditions, opened: bool = False, query: outlooks.JointRows | None = None
 ) -> PredictionPart:
     """Predictions at new rows, and checks of their intervals.
 
@@ -149,12 +142,12 @@ def predict_new_rows(
     fitted = posterior.race.prepared.rows
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
-    if opened and (vault := held_out_rows(posterior.race.prepared)) is not None:
-        below = forecast(posterior, joint_rows(posterior.race, vault)).share_below()
+    if opened and (vault := outlooks.held_out_rows(posterior.race.prepared)) is not None:
+        below = outlooks.forecast(posterior, outlooks.joint_rows(posterior.race, vault)).share_below()
         held_out = interval_coverage(below, ~vault.censored)
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, query)),
-        fitted=interval_coverage(leave_one_out_shares(posterior), ~fitted.censored),
+        fitted=interval_coverage(outlooks.leave_one_out_shares(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for h, p in posterior.probability.items() if {*h.extra} - {EACH_SET_UP}),
         outdated=(),
@@ -164,7 +157,7 @@ def predict_new_rows(
 
 
 def predicted_rows(
-    posterior: Posterior, wanted: NewConditions, new: JointRows | None
+    posterior: Posterior, wanted: NewConditions, new: outlooks.JointRows | None
 ) -> Iterator[PredictedPart]:
     """Predictions of the wanted rows of fitted observables, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
@@ -172,7 +165,7 @@ def predicted_rows(
     names, groups = place.rows.names, place.rows.group
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     labels = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
-    outlook, fit = forecast(posterior, place), race.bare
+    outlook, fit = outlooks.forecast(posterior, place), race.bare
     model, runs = place.model.precise_mean((), fit.v)[fit.mean.size :], place.runs
     model = model if runs is None else model + runs[1]
     units = dict(zip(table.observable, table.unit, strict=True))

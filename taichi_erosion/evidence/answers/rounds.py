@@ -16,15 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.fresh_test import (
-    CLOSER,
-    after_runs,
-    answer_and_rivals,
-    run_fresh_test,
-    run_setting,
-    simulate_untrained_rows,
-)
+from taichi_erosion.evidence.answers import files, fresh_test
 from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocking
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of_path, is_strength_path
@@ -65,7 +57,7 @@ class StudyInference:
         """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
         points = []
         for fit in fits:
-            setting = run_setting(self.posterior.race, fit)
+            setting = fresh_test.run_setting(self.posterior.race, fit)
             acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
             numbers = setting.parameters.items()
             acting |= {str(effect_of_path(path)): value for path, value in numbers if is_strength_path(path)}
@@ -226,7 +218,7 @@ def run_limit(runs: TrainingRuns, question: Question, rounds: list[Points], key:
     count = read_rounds_file(runs.study)["fresh"].get(key)
     if not question.tested or (count is not None and count["rounds"] == len(rounds)):
         return 0
-    return most_test_runs(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
+    return most_test_runs(runs, runs.plan_size.fresh) * (fresh_test.CLOSER if runs.mechanisms else 1)
 
 
 def check_answer_by_runs(
@@ -247,13 +239,15 @@ def check_answer_by_runs(
     simulator = FreshSimulator(runs, mapping, new_keys, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
-        rows, keys = simulate_untrained_rows(question.query(inference), simulator, steps)
+        rows, keys = fresh_test.simulate_untrained_rows(question.query(inference), simulator, steps)
         inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, keys = run_fresh_test(inference.posterior, decision, simulator.simulate_settings, steps)
-        inference = replace(inference, decision=after_runs(decision, part))
+        part, keys = fresh_test.run_fresh_test(
+            inference.posterior, decision, simulator.simulate_settings, steps
+        )
+        inference = replace(inference, decision=fresh_test.after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
-        about = inference.points_at(*(kind.fits[0] for kind in answer_and_rivals(race, decision)))
+        about = inference.points_at(*(kind.fits[0] for kind in fresh_test.answer_and_rivals(race, decision)))
         if training_runs.has_room_for_round(runs, about):
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))

@@ -17,12 +17,7 @@ from taichi_erosion.core.effect import read_effect_entries
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, value_on_axis
-from taichi_erosion.evidence.models.simulator import (
-    SceneMeasure,
-    Simulator,
-    condition_matters,
-    parameter_can_change_run,
-)
+from taichi_erosion.evidence.models import simulator as simulators
 from taichi_erosion.mechanisms.library import dose_at, dose_position
 from taichi_erosion.scene import Scene
 from taichi_erosion.tables.number_words import round_number
@@ -55,11 +50,11 @@ class TrainingRun:
 class StudyScene:
     """One scene of a study: what it measures, under which conditions, and what is calibrated."""
 
-    measure: SceneMeasure
+    measure: simulators.SceneMeasure
     observables: tuple[str, ...]
     rows: tuple[Row, ...]  # distinct conditions of the measurements
     axes: tuple[Axis, ...]
-    simulator: Simulator
+    simulator: simulators.Simulator
     proposed_rows: tuple[Row, ...] = ()  # conditions that could be measured
 
     @property
@@ -106,7 +101,7 @@ def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     present = {*effects, *simulator.effects_acting_in_scene(path)}
     read = {name for effect in present for name in simulator.library[effect].reads}
     able = (row for row in scene.rows if all(simulator.can_act(effect, path, row) for effect in effects))
-    return distinct_condition_sets(able, lambda path: condition_matters(path, read))
+    return distinct_condition_sets(able, lambda path: simulators.condition_matters(path, read))
 
 
 def distinct_condition_sets(rows: Iterable[Row], matters: Callable[[str], bool]) -> list[Row]:
@@ -118,7 +113,7 @@ def distinct_condition_sets(rows: Iterable[Row], matters: Callable[[str], bool])
 def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     """Calibrated numbers on which a run with some effects can depend: an effect's own need that effect."""
     present = {*effects, *scene.simulator.effects_acting_in_scene(scene.measure.scene)}
-    return [axis for axis in scene.axes if parameter_can_change_run(axis.name, present)]
+    return [axis for axis in scene.axes if simulators.parameter_can_change_run(axis.name, present)]
 
 
 def scene_with_numbers(scene: StudyScene, numbers: Numbers) -> Scene:

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -41,6 +40,7 @@ from taichi_erosion.evidence.emulator.emulator import (
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, study_value
+from taichi_erosion.measures.result import Shortfall, shortfalls_of_most
 from taichi_erosion.mechanisms.library import load_mechanisms, physical_doses, physical_mechanisms
 
 LEVELS = 3  # of every condition that could be set
@@ -261,17 +261,12 @@ def faults_of_missing_values(
     """
     measure, blocked = scene.simulator.measures[name], False
     records = [result.record.get("measures", {}).get(measure.measure, {}) for result in ended]
-    by_flag: dict[str, list[Any]] = {}
-    for each in (each for record in records for each in record.get("shortfalls", ())):
-        by_flag.setdefault(each["flag"], []).append(each)
-    for flag, results in by_flag.items():
-        if len(results) >= COMMON * len(records):
-            middle = sorted(results, key=lambda each: each["found"])[(len(results) - 1) // 2]
-            blocks = bool(middle["blocks"])
-            blocked = blocked or blocks
-            if flag not in SIZE_FLAGS or not same_size:
-                kind = "too_small" if blocks else "not_converged"
-                yield SetUpFault(kind, name, f"{name}: {middle['sentence']}", blocks)
+    repeats = [[Shortfall(**each) for each in record.get("shortfalls", ())] for record in records]
+    for lack in shortfalls_of_most(repeats):
+        blocked = blocked or lack.blocks
+        if lack.flag not in SIZE_FLAGS or not same_size:
+            kind = "too_small" if lack.blocks else "not_converged"
+            yield SetUpFault(kind, name, f"{name}: {lack.sentence}", lack.blocks)
     missing = sum(not np.isfinite(study_value(result, measure)) for result in ended)
     if missing > COMMON * len(records) and not blocked:
         notes = [note for each in records if each.get("value") is None for note in each.get("notes", ())]

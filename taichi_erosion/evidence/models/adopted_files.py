@@ -6,13 +6,14 @@ They are named by the study and by all effects, and carry the mark of the study 
     SCENE_STUDY_with_EFFECT[_and_EFFECT].toml        beside each scene
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
 from typing import Protocol
 
-from taichi_erosion.campaign.study_file import toml_entry, with_entry
+from taichi_erosion.campaign.study_file import value_at_keys, with_entry
 from taichi_erosion.core.effect_file import EffectFile, effect_in
 from taichi_erosion.core.files import mark_toml, refuse_foreign_file, remove_mark, write_atomic
 from taichi_erosion.evidence.data.problem import REACH
@@ -77,7 +78,7 @@ def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -
 
 def add_effect_files_to_text(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
     """A TOML text of a folder that names effect files too, by paths relative to the folder."""
-    entries = list(toml_entry(text, (section, "effect_files")) or ())
+    entries = list(value_at_keys(tomllib.loads(text), (section, "effect_files")) or ())
     there = {(folder / name).resolve() for name in entries}
     missing = [relpath(file.path, folder.resolve()) for file in files if file.path not in there]
     return with_entry(text, (section, "effect_files"), [*entries, *missing]) if missing else text

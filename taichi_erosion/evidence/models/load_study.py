@@ -22,13 +22,8 @@ from taichi_erosion.evidence.data.problem import (
     SetUpFault,
     Vault,
 )
+from taichi_erosion.evidence.models import plugin as plugins
 from taichi_erosion.evidence.models import simulator
-from taichi_erosion.evidence.models.plugin import (
-    ModelErrorCovariance,
-    NameMapping,
-    load_function_effects,
-    load_plugin,
-)
 from taichi_erosion.evidence.models.run_store import FILE, FunctionModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.evidence.models.table_columns import condition_units, impossible_study_values
@@ -101,12 +96,12 @@ class Study:
 class StudyModel:
     """The model of a study, and the effects that may be missing in it."""
 
-    model: NameMapping
+    model: plugins.NameMapping
     identity: str  # name and version
     candidates: Sequence[Candidate]
     adopted: tuple[Candidate, ...]
     parameters: tuple[Parameter, ...] = ()  # of effects, to be calibrated with those of the study
-    uncertainty: ModelErrorCovariance | None = None
+    uncertainty: plugins.ModelErrorCovariance | None = None
     mechanisms: tuple[Mechanism, ...] = ()  # that a function declares
     simulator: Simulator | None = None
     unread: Mapping[str, str] = field(default_factory=dict)  # conditions that change no run -> what to do
@@ -172,16 +167,16 @@ def override_by_options(file: StudyFile, options: StudyOptions) -> StudyFile:
 
 def load_function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFiles) -> StudyModel:
     """Model function with its cache, and the effects of files that it takes."""
-    plugin = load_plugin(str(file.study.model), path.parent, str(path))
+    plugin = plugins.load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
-    effects = load_function_effects(path, files, plugin.mechanisms)
+    effects = plugins.load_function_effects(path, files, plugin.mechanisms)
     adopted = tuple(simulator.as_candidate(*each, effects) for each in file.adopted.items())
     tried = effects_to_try(file, str(path), effects)
     values = FunctionModel(plugin, identity, store, file.budget.runs, effects)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
-    model = NameMapping(values, dict(file.conditions), observables)
-    uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
+    model = plugins.NameMapping(values, dict(file.conditions), observables)
+    uncertainty = plugin.covariance and plugins.ModelErrorCovariance(plugin, model, file.study.seed)
     identities = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     unread = {n: "" for n, place in file.conditions.items() if place.startswith(simulator.CONDITIONS)}
     parts = model, identities, tried, adopted, (), uncertainty, plugin.mechanisms
@@ -205,7 +200,7 @@ def load_scene_model(
     names = [f"{scene.name} {scene_hash(study_model.load_scene_at(scene))}" for scene in scenes]
     identity = ", ".join([*names, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
     unread = dict(simulator.unread_conditions(file, study_model, tried))
-    model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
+    model = plugins.NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
     return StudyModel(model, identity, tried, adopted, parameters, simulator=study_model, unread=unread)
 
 

@@ -131,8 +131,9 @@ def load_model_module(name: str, folder: Path, study: str, where: str) -> Module
     """Module beside the study file, else an installed one; its neighbours can be imported by it."""
     sibling = folder.joinpath(*name.split(".")).with_suffix(".py")
     package = name.partition(".")[0]
+    sys.path.insert(0, str(folder.resolve()))
     try:
-        with contextlib.redirect_stdout(sys.stderr), put_folder_on_import_path(folder):
+        with contextlib.redirect_stdout(sys.stderr):
             if sibling.is_file():
                 announce_file(sibling, study)
                 return execute_module_file(name, sibling)
@@ -146,6 +147,8 @@ def load_model_module(name: str, folder: Path, study: str, where: str) -> Module
         raise BadInput(f"{where}: cannot be imported: {error}") from None
     except Exception as error:
         raise BadInput(f"{where}: cannot be imported: {type(error).__name__}: {error}") from None
+    finally:
+        sys.path.remove(str(folder.resolve()))
 
 
 def execute_module_file(name: str, file: Path) -> ModuleType:
@@ -157,16 +160,6 @@ def execute_module_file(name: str, file: Path) -> ModuleType:
     sys.modules[name] = module  # dataclasses and pickles look their module up by name
     spec.loader.exec_module(module)
     return module
-
-
-@contextlib.contextmanager
-def put_folder_on_import_path(folder: Path) -> Iterator[None]:
-    """Folder of a study on the import path, for as long as its model is loaded."""
-    sys.path.insert(0, str(folder.resolve()))
-    try:
-        yield
-    finally:
-        sys.path.remove(str(folder.resolve()))
 
 
 def code_digest(module: ModuleType, where: str) -> str:

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data import transforms
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_groups
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import (
@@ -35,14 +36,6 @@ from taichi_erosion.evidence.data.problem import (
     Numbers,
     Observable,
     Problem,
-)
-from taichi_erosion.evidence.data.transforms import (
-    Axis,
-    Whitening,
-    Working,
-    adopted_axis,
-    parameter_axis,
-    working_residuals,
 )
 from taichi_erosion.evidence.models.predictor import Predictor, mean_over_finite_seeds, pooled_seed_variance
 
@@ -87,7 +80,7 @@ class PreparedProblem:
     heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
 
     @property
-    def parameter_axes(self) -> tuple[Axis, ...]:
+    def parameter_axes(self) -> tuple[transforms.Axis, ...]:
         return self.predictor.axes
 
     @cached_property
@@ -102,16 +95,16 @@ class PreparedProblem:
         return self.rows.covariance / np.outer(self.row_sd, self.row_sd) + np.eye(self.row_sd.size)
 
     @cached_property
-    def whiten(self) -> Whitening:
+    def whiten(self) -> transforms.Whitening:
         """Whitening of the rows, censored ones as ordinary ones."""
         if self.error_correlation_of_rows is None:
-            return Whitening(self.row_sd)
+            return transforms.Whitening(self.row_sd)
         values, vectors = np.linalg.eigh(self.error_correlation_of_rows)
-        return Whitening(self.row_sd, root=(vectors / np.sqrt(values)) @ vectors.T)
+        return transforms.Whitening(self.row_sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
-    def working_residuals(self, mean: Floats) -> Working:
+    def working_residuals(self, mean: Floats) -> transforms.Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working_residuals(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
+        return transforms.working_residuals(self.whiten(self.rows.z - mean), self.rows.reach / self.row_sd)
 
     def model_errors(
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
@@ -142,7 +135,7 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     BadInput.
     """
     rows = comparison_rows(problem, table)
-    axes = *map(parameter_axis, problem.parameters), *map(adopted_axis, problem.adopted)
+    axes = *map(transforms.parameter_axis, problem.parameters), *map(transforms.adopted_axis, problem.adopted)
     is_known = problem.model, rows.observables, rows.which, rows.conditions
     predictor = Predictor(*is_known, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])

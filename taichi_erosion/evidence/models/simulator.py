@@ -192,7 +192,11 @@ def study_simulator(
     files = tuple(dict.fromkeys((*effect_files, *(each for one in read for each in scene_effect_files(one)))))
     names = tuple(effect_in(each).name for each in effect_files)
     simulator = Simulator({}, load_library(files), folder, files, names, device=file.campaign)
-    numbers = numbers_set_in_scenes(file, table)
+    numbers: Numbers = {}  # that the study sets in scenes, each with a value that it will have
+    for name, paths in file.conditions.items():
+        finite = table.conditions[name][np.isfinite(table.conditions[name])]
+        numbers |= {path: float(finite[0]) for path in dotted_paths(paths) if finite.size}
+    numbers |= {name: entry.start for name, entry in file.parameters.items()}
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
     for name, entry in file.observables.items():
@@ -208,15 +212,6 @@ def study_simulator(
         if not any(number in measure.accepted_paths for measure in measures.values()):
             raise BadInput(f"{path}: {number} fits no scene of the study: {reason}")
     return replace(simulator, measures=measures)
-
-
-def numbers_set_in_scenes(file: StudyFile, table: Measurements) -> Numbers:
-    """Numbers that the study sets in scenes, each with a value that it will have."""
-    numbers: Numbers = {}
-    for name, paths in file.conditions.items():
-        finite = table.conditions[name][np.isfinite(table.conditions[name])]
-        numbers |= {path: float(finite[0]) for path in dotted_paths(paths) if finite.size}
-    return numbers | {name: entry.start for name, entry in file.parameters.items()}
 
 
 def refusal_of_number(scene: Path, number: str, value: float, files: EffectFiles) -> str | None:

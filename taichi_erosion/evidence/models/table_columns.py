@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import nan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.study_file import StudyFile
+from taichi_erosion.campaign.study_file import StudyFile, value_at_keys
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
@@ -76,9 +75,9 @@ def declared_units_of_study(file: StudyFile, folder: Path) -> dict[str, str]:
 
 def declared_units(scene: Path) -> dict[str, str]:
     """Units of the conditions under [conditions.extra] of a scene."""
-    extra = value_at_dotted_path(raw_scene_table(scene), "conditions.extra")
+    extra = value_at_keys(raw_scene_table(scene), ("conditions", "extra"))
     entries = extra.items() if isinstance(extra, dict) else ()
-    units = {str(name): value_at_dotted_path(entry, "unit") for name, entry in entries}
+    units = {str(name): value_at_keys(entry, ("unit",)) for name, entry in entries}
     return {name: unit for name, unit in units.items() if isinstance(unit, str)}
 
 
@@ -88,13 +87,6 @@ def raw_scene_table(scene: Path) -> dict[str, object]:
         return read_toml(scene)
     except BadInput:
         return {}
-
-
-def value_at_dotted_path(table: Any, path: str) -> Any:
-    """What stands at a dotted path of a raw table; None where there is nothing."""
-    for key in path.split("."):
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
 
 
 def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
@@ -108,7 +100,7 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
             continue
         path = dotted_paths(paths)[0]
         if scenes:
-            values = (value_at_dotted_path(scene, path) for scene in scenes)
+            values = (value_at_keys(scene, path.split(".")) for scene in scenes)
             value = next((float(n) for n in values if type(n) in (int, float)), nan)
             allowed = range_at(path)
         else:

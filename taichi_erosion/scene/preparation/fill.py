@@ -243,8 +243,10 @@ def net_places(scene: Scene, fill: Rain | Lattice | Layers, radius: Floats, rand
     """Jittered places of a net for bodies of bounding radii [m], [count, 3] m."""
     if isinstance(fill, Rain):
         return first_free_layer_places(scene, fill, radius, random)
-    if isinstance(fill, Lattice):
-        return lowest_lattice_points(fill, scene.grains.count, random)
+    if isinstance(fill, Lattice):  # the lowest points
+        points = cubic_lattice(fill)
+        points = points[np.argsort(points[:, 2], kind="stable")][: scene.grains.count]
+        return points + fill.jitter * random.uniform(-1.0, 1.0, points.shape)
     assert scene.periods_xy is not None
     return grain_layers_of_patch(scene.periods_xy, fill, scene.grains.count, random)
 
@@ -305,13 +307,6 @@ def random_square_net(fill: Rain, number: int, random: Generator) -> Floats:
     points = random.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
     lift = fill.first_height + number * fill.pitch + fill.jitter * random.uniform(-1.0, 1.0, len(points))
     return np.column_stack([points, lift]) + np.array(fill.axis_point)
-
-
-def lowest_lattice_points(fill: Lattice, count: int, random: Generator) -> Floats:
-    """The lowest `count` jittered points of a cubic net inside a cylinder, [count, 3] m."""
-    points = cubic_lattice(fill)
-    points = points[np.argsort(points[:, 2], kind="stable")][:count]
-    return points + fill.jitter * random.uniform(-1.0, 1.0, points.shape)
 
 
 def cubic_lattice(fill: Lattice) -> Floats:

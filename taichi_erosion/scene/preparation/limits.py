@@ -12,7 +12,7 @@ from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
 from taichi_erosion.scene.schema.geometry import Funnel
-from taichi_erosion.scene.schema.grains import Bed, Grains, Positions, Pour
+from taichi_erosion.scene.schema.grains import Bed, Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
 SOLID_FRACTION = 0.6  # of a poured heap [1]
@@ -49,18 +49,12 @@ def jkr_sticking_speed(energy: float, radius: float, young: float, mass: float) 
     return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * jkr_length_scale(energy, radius, young) ** 2 / mass)
 
 
-def largest_adhesion_numbers(scene: Scene) -> dict[str, float] | None:
-    """Adhesion numbers of two grains of the nominal diameter, of the kind that sticks most; None without.
+def adhesion_numbers_of_kind(scene: Scene, name: str) -> dict[str, float] | None:
+    """Adhesion numbers of two grains of the nominal diameter of one kind; None without adhesion.
 
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
     the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
     """
-    pairs = [adhesion_numbers_of_kind(scene, name) for name in scene.grains.parts]
-    return max((each for each in pairs if each), key=lambda each: each["bond_number"], default=None)
-
-
-def adhesion_numbers_of_kind(scene: Scene, name: str) -> dict[str, float] | None:
-    """Adhesion numbers of one kind of grains."""
     material, contact = scene.materials[name], scene.contact_of_materials(name, name)
     if contact is None or contact.surface_energy <= 0.0 or scene.laws.normal != "jkr":
         return None
@@ -277,17 +271,6 @@ def softening_sentences(scene: Scene) -> list[str]:
     return lines
 
 
-def coarse_graining_sentences(grains: Grains) -> list[str]:
-    """Grains larger than the true ones: by how much, and which quantity is kept."""
-    if grains.coarse_graining is None:
-        return []
-    rule, factor = grains.coarse_graining.rule, grains.coarse_graining.factor
-    return [
-        f"{factor:.3g} times as large as the true ones, {rule.replace('_', ' ')} kept (rule '{rule}'): "
-        f"surface energy and pulls between grains times {grains.adhesion_scale:.3g}"
-    ]
-
-
 def rolling_friction_sentences(scene: Scene) -> list[str]:
     """Rolling friction over R* where a rolling law acts, and what EDEM calls it.
 
@@ -305,11 +288,14 @@ def rolling_friction_sentences(scene: Scene) -> list[str]:
 
 
 def grain_kind_sentences(scene: Scene) -> list[str]:
-    """Kinds of grains with their numbers, and pairs of them whose contact is mixed."""
-    if not scene.grains.kinds:
-        return []
-    counts = sizes.grain_count_of_kinds(scene)
-    lines = [f"{name}: {count:,} grains" for name, count in counts.items()]
+    """Grains larger than the true ones, and what is kept; several kinds, and pairs whose contact is mixed."""
+    lines = []
+    if (coarse := scene.grains.coarse_graining) is not None:
+        kept = f"{coarse.rule.replace('_', ' ')} kept (rule '{coarse.rule}')"
+        pulls = f"surface energy and pulls between grains times {coarse.adhesion_scale:.3g}"
+        lines.append(f"{coarse.factor:.3g} times as large as the true ones, {kept}: {pulls}")
+    counts = sizes.grain_count_of_kinds(scene) if scene.grains.kinds else {}
+    lines += [f"{name}: {count:,} grains" for name, count in counts.items()]
     for a, b in combinations(counts, 2):
         contact = scene.contact_of_materials(a, b)
         if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):
@@ -320,7 +306,9 @@ def grain_kind_sentences(scene: Scene) -> list[str]:
 
 def step_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
-    limit, chosen, sticking = time_step_limits(scene), time_step(scene), largest_adhesion_numbers(scene)
+    limit, chosen = time_step_limits(scene), time_step(scene)
+    kinds = filter(None, (adhesion_numbers_of_kind(scene, name) for name in scene.grains.parts))
+    sticking = max(kinds, key=lambda numbers: numbers["bond_number"], default=None)
     low, high = sizes.size_range(scene.grains)
     warnings = [*time_step_warnings(chosen, limit), *adhesion_warnings(scene, sticking)]
     return {
@@ -332,7 +320,7 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_sentences(scene),
         "rolling": rolling_friction_sentences(scene),
-        "kinds": [*coarse_graining_sentences(scene.grains), *grain_kind_sentences(scene)],
+        "kinds": grain_kind_sentences(scene),
         "adhesion": sticking,
         "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene)],
     }

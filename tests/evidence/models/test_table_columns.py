@@ -19,15 +19,9 @@ from taichi_erosion.scene.paths import options, scene_schema, unit_at_path
 from tests.evidence.small_study import write_study
 
 # unit of a place -> unit of a column, the number there, and the number at the place
-COLUMNS: dict[str, tuple[str, float, float]] = {
-    "1": ("%", 25.0, 0.25),
-    "kg kg-1": ("g/kg", 20.0, 0.02),
-    "m": ("µm", 250.0, 2.5e-4),
-    "K": ("°C", 20.0, 293.15),
-    "deg": ("rad", pi / 6.0, 30.0),
-    "rad s-1": ("rpm", 30.0, pi),
-    "J m-2": ("mN/m", 72.0, 0.072),
-}
+COLUMNS: dict[str, tuple[str, float, float]] = {"1": ("%", 25.0, 0.25), "kg kg-1": ("g/kg", 20.0, 0.02)}
+COLUMNS |= {"m": ("µm", 250.0, 2.5e-4), "K": ("°C", 20.0, 293.15), "deg": ("rad", pi / 6.0, 30.0)}
+COLUMNS |= {"rad s-1": ("rpm", 30.0, pi), "J m-2": ("mN/m", 72.0, 0.072)}
 MOTION = ("s, m s-1, rad s-1", "m s-1 or rad s-1")
 # not set by columns
 NO_NUMBER = ("unit of the observable", "m, m, any mass", "m per file unit", "unit", *MOTION)

@@ -38,15 +38,11 @@ def test_explanations_that_are_solved_anew_have_the_shares_of_a_whole_race(names
 
 def test_odds_that_are_doubled_double_the_odds():
     usual = race_under(PRIORS)
-    nothing = [each.probability[Hypothesis(())] for each in (usual, *rescored("nothing"))]
+    rescored = [there for key, there, _ in sensitivity(usual, decide_cause(usual)) if key == "nothing"]
+    nothing = [each.probability[Hypothesis(())] for each in (usual, *rescored)]
     odds = [p / (1.0 - p) for p in nothing]
     assert odds[1] < 0.6 * odds[0]
     assert odds[2] > 1.7 * odds[0]
-
-
-def rescored(wanted: str) -> list[Posterior]:
-    usual = race_under(PRIORS)
-    return [there for key, there, _ in sensitivity(usual, decide_cause(usual)) if key == wanted]
 
 
 def test_what_is_told_after_fresh_runs_stands_where_the_race_decides_alike():

@@ -9,14 +9,7 @@ from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adoption_record
 from taichi_erosion.evidence.answers.summary import race_record
-from taichi_erosion.evidence.data.problem import (
-    Candidate,
-    Measurements,
-    Observable,
-    Parameter,
-    Problem,
-    Vault,
-)
+from taichi_erosion.evidence.data import problem as problems
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.race.posterior import infer, quantiles
 from taichi_erosion.evidence.record import ErrorPart, Record
@@ -31,12 +24,12 @@ SECOND = np.arange(COUNT) % 2 == 1
 LABORATORIES = tuple("laboratory B" if other else "laboratory A" for other in SECOND)
 
 
-def told(problem: Problem, **changes) -> Record:
+def told(problem: problems.Problem, **changes) -> Record:
     """The record of a table with some changes."""
     return race_record(infer(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
 
 
-def made(**acting: float) -> tuple[Problem, Measurements]:
+def made(**acting: float) -> tuple[problems.Problem, problems.Measurements]:
     """A study and its table."""
     problem = linear_problem(SHAPES, acting, sd=SD, count=COUNT)
     return problem, problem.measurements
@@ -128,7 +121,7 @@ def model(observable, conditions, parameters, effects, seeds):
     return np.repeat(value[np.newaxis], seeds.size, axis=0)
 
 
-def heaps(seed: int, named: bool = True, strength: float = 0.0) -> Problem:
+def heaps(seed: int, named: bool = True, strength: float = 0.0) -> problems.Problem:
     """Single heaps at ten conditions, three of each, with two observables whose scatter is correlated."""
     random = np.random.default_rng(seed)
     size, x = CELLS * REPEATS, np.repeat(np.linspace(-1.0, 1.0, CELLS), REPEATS)
@@ -141,9 +134,9 @@ def heaps(seed: int, named: bool = True, strength: float = 0.0) -> Problem:
     ]
     heap = tuple(f"heap {k}" for k in range(size)) * 2 if named else ()
     table = replace(table_of(parts), heap=heap)
-    observables = {"angle": Observable("angle", sd_shared=0.15)}
-    numbers = (Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
-    return Problem(table, observables, numbers, (Candidate("bend"),), model)
+    observables = {"angle": problems.Observable("angle", sd_shared=0.15)}
+    numbers = (problems.Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
+    return problems.Problem(table, observables, numbers, (problems.Candidate("bend"),), model)
 
 
 def test_rows_of_one_heap_are_whitened_together():
@@ -160,20 +153,16 @@ def test_an_effect_of_single_heaps_is_found():
 SD_X, SLOPE, TABLES, ROWS = 0.1, 1.2, 24, 24  # at 0.25 slopes along a measured condition are too small
 
 
-def line(seed: int, classical: bool) -> Problem:
+def line(seed: int, classical: bool) -> problems.Problem:
     """y = slope x + e, stated x off by N(0, SD_X^2): measured so (classical), or set so (Berkson)."""
     generator = np.random.default_rng(seed)
     problem = linear_problem({"slope": lambda x: x}, {"slope": 0.0}, sd=SD, count=ROWS, seed=None)
     set_x = problem.measurements.conditions["x"]
     other = set_x + SD_X * generator.standard_normal(ROWS)
     stated, true = (other, set_x) if classical else (set_x, other)
-    table = replace(
-        problem.measurements,
-        value=SLOPE * true + SD * generator.standard_normal(ROWS),
-        conditions={"x": stated},
-        condition_sd={"x": np.full(ROWS, SD_X)},
-    )
-    return replace(problem, measurements=table, candidates=(Candidate("slope", 3.0, 3.0),))
+    value, sd = SLOPE * true + SD * generator.standard_normal(ROWS), {"x": np.full(ROWS, SD_X)}
+    table = replace(problem.measurements, value=value, conditions={"x": stated}, condition_sd=sd)
+    return replace(problem, measurements=table, candidates=(problems.Candidate("slope", 3.0, 3.0),))
 
 
 @pytest.mark.parametrize("classical", [True, False])
@@ -185,24 +174,24 @@ def test_intervals_hold_the_slope_where_the_condition_was_measured_and_where_it_
 OFFSET = 1.5  # fifteen sd of a row
 
 
-def off(acting: dict[str, float], factor: float = 0.0, **changes) -> Problem:
+def off(acting: dict[str, float], factor: float = 0.0, **changes) -> problems.Problem:
     """A laboratory that reads more by OFFSET, or on a logarithmic scale by a factor."""
     problem = replace(linear_problem(SHAPES, acting, calibrated=False), **changes)
     table, linear = problem.measurements, problem.model
     if not factor:
         return replace(problem, measurements=replace(table, value=table.value + OFFSET))
     value = factor * np.exp(table.value)
-    return replace(
-        problem,
-        measurements=replace(table, value=value, sd=value * table.sd),
-        observables={"y": Observable("y", "log")},
-        model=lambda *asked: np.exp(linear(*asked)),
+    table, logarithmic = (
+        replace(table, value=value, sd=value * table.sd),
+        {"y": problems.Observable("y", "log")},
     )
+    problem = replace(problem, measurements=table, observables=logarithmic)
+    return replace(problem, model=lambda *asked: np.exp(linear(*asked)))
 
 
 def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
     problem = off({}, factor=2.0)
-    problem = replace(problem, observables={"y": Observable("y", "log_floor", 1.0)})
+    problem = replace(problem, observables={"y": problems.Observable("y", "log_floor", 1.0)})
     level = infer(problem, 1, bare=True).race.blocks[0]
     assert (level.kind, np.ptp(level.columns)) == ("level", 0.0)
 
@@ -222,7 +211,7 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
 
 @pytest.mark.parametrize("shared", [0.0, 3.0 * OFFSET])
 def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared: float):
-    problem = replace(off({}), observables={"y": Observable("y", sd_shared=shared)})
+    problem = replace(off({}), observables={"y": problems.Observable("y", sd_shared=shared)})
     (shift,) = race_record(infer(problem, 1)).levels
     assert shift.low < OFFSET < shift.high
     level = replace(made()[0], observables=problem.observables)
@@ -246,7 +235,7 @@ def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
-    found = adoption_record(infer(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
+    found = adoption_record(infer(off(BEND, vault=problems.Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
     assert found.vault.chi2_per_row_after < 3.0 < found.vault.chi2_per_row_before
     assert found.p_misfit_after > 0.01
     assert found.effects["bend"].strength_low < 1.0 < found.effects["bend"].strength_high
@@ -255,14 +244,14 @@ def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
 def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains():
     problem, table = made(bend=3.0)
     soils = tuple(f"soil {k * 6 // COUNT}" for k in range(COUNT))
-    hidden = Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
+    hidden = problems.Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
     problem = replace(problem, measurements=replace(table, group=soils), vault=hidden)
     held = adoption_record(infer(problem, 3), ("bend",), 1).vault
     assert held.chi2_per_row_after < 2.0 < 10.0 < held.chi2_per_row_before
 
 
 def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
-    table = (problem := off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))).measurements
+    table = (problem := off({"bend": 3.0}, vault=problems.Vault(np.arange(3, 24, 5)))).measurements
     table = replace(table, value=table.value + 1.5 * np.cos(9.0 * table.conditions["x"]))
     found = adoption_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
     assert found.vault.chi2_per_row_after < found.vault.chi2_per_row_before
@@ -279,11 +268,13 @@ def test_numbers_are_not_moved_by_a_level():
 
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
-    found = race_record(infer(replace(heaps(1), parameters=(Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1))
+    found = race_record(
+        infer(replace(heaps(1), parameters=(problems.Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1)
+    )
     assert found.named == found.group == ()
     assert found.parameters["slope"].at_end
     assert found.p_misfit < 0.01
-    wide = (Parameter("slope", 0.1, 0.01, 10.0, 1.0),)  # 0.4 is the middle of its logarithm
+    wide = (problems.Parameter("slope", 0.1, 0.01, 10.0, 1.0),)  # 0.4 is the middle of its logarithm
     assert not race_record(infer(replace(heaps(1), parameters=wide), 1)).parameters["slope"].at_end
 
 

@@ -20,16 +20,8 @@ def rows(seed: int = 0, size: int = 14) -> LinearRows:
     random = np.random.default_rng(seed)
     scatter = np.array([0] * 6 + [1] * (size - 8) + [-1] * 2)
     block = np.array([-1, -1, 0, 1, 1, 1])
-    columns = random.standard_normal((size, block.size))
-    return LinearRows(
-        random.standard_normal(size),
-        columns,
-        block,
-        scatter,
-        SCALES,
-        np.ones(size),
-        np.full((size, 2), np.nan),
-    )
+    columns, y = random.standard_normal((size, block.size)), random.standard_normal(size)
+    return LinearRows(y, columns, block, scatter, SCALES, np.ones(size), np.full((size, 2), np.nan))
 
 
 def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:

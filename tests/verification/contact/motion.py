@@ -109,19 +109,15 @@ STACK_YOUNG = 4.74e6  # E*, Pa: (4/3) E* sqrt(r) d^1.5 = 1000 N/m d at d = r - y
 STACK_RESTITUTIONS = (0.5, 0.9, 1.0)
 
 
-def stacked_scene(restitution: float) -> Setup:
-    """DEM03: two grains squeezed between a floor and a lid."""
-    touch = small.Touch(STACK_YOUNG, STACK_YOUNG / 4.0, restitution)
+def stacked_pair() -> Iterator[Outcome]:
+    """V13 (DEM03): heights of two grains under a lid over 20 ms, 0.1 % of the radius, against ODEs."""
+    times = np.linspace(0.0, 0.02, 201)
     grains = small.spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
     walls = small.planes(small.FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
-    return small.sphere_setup(grains, touch, 1e-7, walls, (0.0, 0.0, -GRAVITY))
-
-
-def stacked_pair() -> Iterator[Outcome]:
-    """V13: heights of both grains over 20 ms, 0.1 % of the grain radius, against differential equations."""
-    times = np.linspace(0.0, 0.02, 201)
-    setups, wanted = [stacked_scene(e) for e in STACK_RESTITUTIONS], []
+    setups, wanted = [], []
     for e in STACK_RESTITUTIONS:
+        touch = small.Touch(STACK_YOUNG, STACK_YOUNG / 4.0, e)
+        setups.append(small.sphere_setup(grains, touch, 1e-7, walls, (0.0, 0.0, -GRAVITY)))
         floor, lid = (Spring(STACK_YOUNG, STACK_RADIUS, mass, e) for mass in STACK_MASSES)
         middle = Spring(STACK_YOUNG, STACK_RADIUS / 2.0, series(*STACK_MASSES), e)
         wanted.append(stacked_motion(floor, middle, lid, STACK_HEIGHT, STACK_START, times)[1:])
