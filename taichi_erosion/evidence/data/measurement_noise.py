@@ -28,6 +28,7 @@ from scipy import special
 
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
+FEW = 2  # set-ups, as two soils, whose differences tell no scatter
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
 UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
@@ -151,7 +152,7 @@ def measurement_scatter(
     `cell` is equal for rows that repeat one another; `shapes` are the ways in which sd may vary over the
     rows, on the comparison scale, the likeliest first. `design` (4, n) numbers each row's set-up under its
     conditions, block, set-up and conditions: where neither sd nor repeats state the scatter, it is what
-    levels of the first two leave, else those of the last three.
+    levels of the first two leave, else, of three set-ups and more, those of the last three.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
@@ -167,7 +168,8 @@ def measurement_scatter(
         return scale_variance_by_repeats(variance, squares, between, own_variance, off)
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
-    for levels in () if design is None else (design[:2], design[1:]):
+    designs = () if design is None else (design[:2], design[1:])[: 1 + (np.unique(design[2]).size > FEW)]
+    for levels in designs:
         if freedom < LEAST_FREEDOM:
             squares, freedom = block_design_squares(z, repeats, levels)
     if freedom >= LEAST_FREEDOM and squares > 0.0:

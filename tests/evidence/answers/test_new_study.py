@@ -66,7 +66,6 @@ WRONG_FILES = [
     (changed("[µm]", "[fein]"), "'Korngröße [fein]'", "such as [%], [mm]"),
     (changed("[µm]", "[MM]"), "'Korngröße [MM]'", "did you mean 'mm'?"),
     (changed("Feuchte in %", "w"), "column 'w'", "did you mean conditions.moisture?"),
-    (changed("Feuchte in %", "Neigung in %"), "'Neigung in %'", "write its angle"),
     (changed("in %", "[vol%]"), "'Feuchte [vol%]'", "divide by the dry bulk density"),
     (changed("1,6", "1600"), "row 2, moisture = 1600 %", "check number and unit"),
     (changed("33,5", "12. Mrz"), "row 2, Böschungswinkel", "set the column to text"),

@@ -117,10 +117,17 @@ def test_blocks_that_each_hold_every_set_up_once_state_the_scatter():
         0.5 * (-1.0) ** (set_up + block),
     )
     args = level + error, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
-    scatter = measurement_noise.measurement_scatter(*args, np.array([set_up, block]))
-    assert scatter.pure == (pytest.approx(13.0), 15.0)  # 5 x 3 degrees of freedom
-    assert scatter.variance[0] == pytest.approx(24 * 0.25 / 13.0)
-    assert np.isnan(measurement_noise.measurement_scatter(*args).variance).all()
+    same, sample = np.zeros(24), np.minimum(block, 1.0)
+    designs = (
+        (set_up, block, same, set_up),
+        (24.0 * set_up + block, same, block, set_up),
+    )  # samples are blocks too
+    for design in designs:
+        scatter = measurement_noise.measurement_scatter(*args, np.array(design))
+        assert scatter.pure == (pytest.approx(13.0), 15.0)  # 5 x 3 degrees of freedom
+        assert scatter.variance[0] == pytest.approx(24 * 0.25 / 13.0)
+    for design in (None, np.array([np.arange(24.0), same, sample, set_up])):  # of two soils it may be theirs
+        assert np.isnan(measurement_noise.measurement_scatter(*args, design).variance).all()
 
 
 def test_scatter_that_is_larger_everywhere_is_no_disagreement():
