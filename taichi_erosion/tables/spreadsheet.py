@@ -105,12 +105,32 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         titles += rows.pop()[1]  # a footnote
     rows = trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults)
     rows = accumulate(rows, lambda up, row: (row[0], cells_with_dittos(up[1], row[1])))
-    return apply_number_laws(Cells(name, tuple(rows), comma, form, titles=" ".join(titles)))
+    cells = Cells(name, tuple(rows), comma, form, titles=" ".join(titles))
+    return apply_number_laws(name_tidy_columns(cells) if cells.lines else cells)
 
 
 def cells_with_dittos(above: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
     """Cells of a row, with that above in place of a ditto mark."""
     return tuple(up if DITTO.fullmatch(cell) else cell for up, cell in zip(above, cells, strict=True))
+
+
+def name_tidy_columns(cells: Cells) -> Cells:
+    """The cells; those of a long table, `parameter, value, unit, site`, get the headings of a tidy one.
+
+    Its measured quantities, `angle of repose`, become names of observables.
+    """
+    plain = [plain_words(text) for text in cells.heading]
+    columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
+    meanings = [[meaning_of(cell) for cell in column[1:]] for column in columns]
+    long = [k for k, each in enumerate(meanings) if each and {role for role, _ in each} == {"observable"}]
+    if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(str.isidentifier, columns[long[0]])):
+        return cells
+    for k, column in enumerate(columns):
+        role = meaning_of(cells.heading[k])[0]
+        column[0] = role if role in ("sd", "n", "group", "source", "remark") else column[0]
+    columns[long[0]] = ["observable", *(name for _, name in meanings[long[0]])]
+    lines = (line for line, _ in cells.rows)
+    return replace(cells, rows=tuple(zip(lines, zip(*columns, strict=True), strict=True)))
 
 
 def read_table_file_bytes(path: Path, name: str) -> bytes:

@@ -18,7 +18,6 @@ from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import AGREED, Column, Interview, TableOptions
 from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
-    NAME,
     PLACE,
     SOLO_ROWS,
     Faults,
@@ -41,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import days_since_first
-from taichi_erosion.tables.headings import SCATTER, meaning_of, plain_words, read_heading
+from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
@@ -73,7 +72,6 @@ def read_rows(
     cells = read_table_cells(path, name, faults)
     if not cells.rows:
         raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
-    cells = name_tidy_columns(cells)
     names = [cell.partition("[")[0].strip().lower() for cell in cells.heading]
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
@@ -90,25 +88,6 @@ def read_rows(
     for words in (*table.notes, *notes_on_cells(cells, columns)):
         interview.assume(words)
     return replace(table, notes=tuple(interview.assumptions[assumed:]))
-
-
-def name_tidy_columns(cells: Cells) -> Cells:
-    """The cells; those of a long table, `parameter, value, unit, site`, get the headings of a tidy one.
-
-    Its measured quantities, `angle of repose`, become names of observables.
-    """
-    plain = [plain_words(text) for text in cells.heading]
-    columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
-    meanings = [[meaning_of(cell) for cell in column[1:]] for column in columns]
-    long = [k for k, each in enumerate(meanings) if each and {role for role, _ in each} == {"observable"}]
-    if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(NAME.fullmatch, columns[long[0]])):
-        return cells
-    for k, column in enumerate(columns):
-        role = meaning_of(cells.heading[k])[0]
-        column[0] = role if role in ("sd", "n", "group", "source", "remark") else column[0]
-    columns[long[0]] = ["observable", *(name for _, name in meanings[long[0]])]
-    lines = (line for line, _ in cells.rows)
-    return replace(cells, rows=tuple(zip(lines, zip(*columns, strict=True), strict=True)))
 
 
 def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
