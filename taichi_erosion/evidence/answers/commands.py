@@ -40,6 +40,7 @@ from taichi_erosion.evidence.race.decision import decide_cause, sensitivity
 from taichi_erosion.evidence.race.dose_laws import dose_law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict_hypotheses
+from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
@@ -166,7 +167,7 @@ def answer_with_unit_faults(
 def discover_record(inference: StudyInference) -> Record:
     """Which effect is missing, with the law of a mechanism.
 
-    A name that fresh runs contradict is not stable.
+    A name that fresh runs contradict, or to which they leave less than SURE, is not stable.
     """
     posterior, answer = inference.posterior, inference.decision
     other = defaultdict[str, list[DecisionPart]](list)
@@ -174,8 +175,8 @@ def discover_record(inference: StudyInference) -> Record:
         other[prior].append(decision.decision_record)
     record = replace(race_record(posterior, answer), fresh_runs=inference.fresh, sensitivity=dict(other))
     record = replace(record, mechanisms=mechanism_parts(record, dose_law_of_decision(posterior, answer)))
-    doubted = (*record.named, *record.group)
-    if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
+    doubted, fresh = (*record.named, *record.group), inference.fresh
+    if doubted and fresh is not None and (fresh.outcome == "contradicted" or fresh.simulated < SURE):
         return replace(record, verdict="unstable", named=(), group=doubted, sensitivity={})
     return record
 

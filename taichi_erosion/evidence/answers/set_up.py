@@ -55,9 +55,9 @@ def refuse_unknown_scatter(study: Study) -> None:
         for name in columns
     }
     names = [name for name, sets in rest.items() if len({*sets}) <= len(table.value) / 2]
-    one = len(columns) > 1 == len(names)
-    hint = FAULTS["repeated_but_for"].format(names[0].rpartition(".")[2]) if one else ""
-    raise BadInput(f"{study.file.study.measurements}: {FAULTS['unknown_scatter']}{hint}")
+    hint = FAULTS["repeated_but_for"] * (len(names) == 1 < len(columns))
+    words = f"{FAULTS['unknown_scatter']}{hint}".format(*(name.rpartition(".")[2] for name in names))
+    raise BadInput(f"{study.file.study.measurements}: {words}")
 
 
 def refuse_blocking(study: Study, needs_rows: bool) -> None:

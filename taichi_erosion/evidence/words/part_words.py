@@ -316,7 +316,8 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """The answer where nothing is named."""
     if record.verdict == "unstable":
         names = say.join_words(map(voc.effect_title, (*record.named, *record.group)), "or")
-        return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
+        change = TESTED.get(record.fresh_runs.outcome if record.fresh_runs else "", "change the answer")
+        return f"No effect is named: new runs of the scene {change}. Candidates: {names}."
     if not can_test_any_effect(record):
         return "No effect is named before the errors above are fixed."
     if record.refuted or record.imitators:

@@ -272,6 +272,13 @@ def test_only_a_confirmed_name_of_the_small_plan_is_settled():
     assert [rounds.is_final(each) for each in found] == [True, False]
 
 
+@pytest.mark.parametrize(("left", "verdict"), [(0.6, "unstable"), (0.95, "present"), (np.nan, "present")])
+def test_a_name_to_which_fresh_runs_leave_less_than_sure_is_not_given(left, verdict):
+    found = on_function(SINGLE)
+    part = FreshPart("undecided", found.decision.named, simulated=left)
+    assert discover_record(replace(found, fresh=part)).verdict == verdict
+
+
 def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
     part = asked(tests={"o": replace(SIMILAR["o"], p=1e-4, simulated=2.0)})
     assert part.outcome == "contradicted"

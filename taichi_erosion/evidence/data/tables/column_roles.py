@@ -209,9 +209,8 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
     other = role == "condition" and unclear and has_other_unit(heading, name)  # water sprayed, in mm
     if role == "unknown" or changed or other or (unclear and name in AIR):  # of a tyre, of an oven
         near = name if changed else "" if name in AIR else suggest_meaning(heading.name, not heading.unit)
-        if not changed and (heading.unreadable or has_other_unit(heading, near)):  # a density of plants
-            near = ""
-        return Column(place, heading, "remark", firm=False, near=near, changed=changed)
+        other = not changed and (heading.unreadable or has_other_unit(heading, near))  # a density of plants
+        return Column(place, heading, "remark", firm=False, near="" if other else near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
 

@@ -71,7 +71,6 @@ SPREADS |= {NOT_USED: "not used"}
 BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
 ASKED, COMPUTED = "asked", "begin its heading with 'note' if it is computed from it, or say"
-CALIBRATED = "a formula calibrates: leave out --closed-form"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
@@ -256,9 +255,9 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
 def column_meaning_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
     """What is wrong with the meaning of a column; empty where nothing is."""
     if column.name in seen and not column.is_repeat:
-        remedy = f"say what it is with --condition '{column.heading.name}=PATH'"
-        if column.role == "observable":
-            remedy = "write a row for each, with a column 'method' that tells them apart"
+        option = f"say what it is with --condition '{column.heading.name}=PATH'"
+        method = "write a row for each, with a column 'method' that tells them apart"
+        remedy = method if column.role == "observable" else option
         return f"means {column.name}, as column '{seen[column.name]}' does; {remedy}; {UNUSED}"
     if not options.measures:  # a study says itself what there is
         return ""
@@ -321,7 +320,9 @@ def settle_unread_columns(
             condition = f"{column.heading.name}={column.heading.unit or 'UNIT'}"
             column = reading.reject(column, f"{AGAIN}: {COMPUTED} --condition '{condition}' where it was set")
         elif column in why and column.name.startswith("contact.") and not column.unclear:
-            column = reading.reject(column, f"sets {column.name}, which {CALIBRATED}; {UNUSED}")
+            column = reading.reject(
+                column, f"sets {column.name}, which is calibrated: leave out --closed-form; {UNUSED}"
+            )
         elif reason:
             column = replace(column, role="remark")
         elif reason == "" and column.name not in (reading.options.reads or ()):

@@ -475,7 +475,7 @@ def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
 
 def test_what_a_formula_calibrates_is_no_condition_of_it(tmp_path):
     text = "static friction coefficient;angle of repose (deg);SD\n0.3;16;0.5\n0.5;26;0.5\n0.7;35;0.5\n"
-    assert "which a formula calibrates: leave out --closed-form" in refused(tmp_path, text)
+    assert "which is calibrated: leave out --closed-form" in refused(tmp_path, text)
 
 
 def test_a_length_that_no_grain_of_sand_has_asks_for_no_diameter(tmp_path):
