@@ -131,7 +131,8 @@ def unit_at_end(text: str) -> tuple[str, str]:
     """Unit behind a name without brackets, and the name; empty where none is evident."""
     for match in SEPARATOR.finditer(text):
         name, sign, rest = text[: match.start()], match[0].strip(), text[match.end() :]
-        is_unit = sign in STATING and (sign != "/" or len(name) < COMPOUND)
+        is_quantity = len(name) < COMPOUND or meaning_of(name)[0] in KINDS.values()  # `fetch / m`
+        is_unit = sign in STATING and (sign != "/" or is_quantity)
         if not name or not (is_unit or is_surely_a_unit(rest)) or re.match(r"\d+\s", rest):
             continue
         unit, words = unit_and_words(rest) if SHARE.fullmatch(rest) else (unit_in(rest) or "", "")

@@ -157,6 +157,7 @@ def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, mea
         ("u*t [m/s], 3 replicates", "u*t ,", "m/s", 3),
         ("n = 3", "n = 3", "", 0),  # names no quantity
         ("d50 [mm]", "d50", "mm", 0),
+        ("fetch / m", "fetch", "m", 0),
         ("percent slope", "percent slope", "deg", 0),  # its numbers are turned
         ("percentile d50", "percentile d50", "", 0),
     ],
