@@ -27,8 +27,7 @@ FAULTS = {  # of a set-up
     "held_out": "; {} more are held out (none with fraction = 0, no ranges and no sources under [vault])",
     "unknown_scatter": "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or "
     "say --sd 'NAME=8 %'",
-    "repeated_but_for": "; rows are alike but for '{}': begin its heading with 'note' if it was measured "
-    "beside repeats, not set",
+    "repeated_but_for": "; rows are alike but for '{}': a heading 'note' says that it was measured, not set",
 }
 PRIORS = {  # that are halved and doubled
     "nothing": "odds that nothing is missing",
@@ -143,15 +142,15 @@ def fails(record: Record) -> bool:
 
 def failure_text(record: Record) -> str:
     """`fails on all 30 rows`, or what is unusual of a model that follows the rows."""
+    rows = row_count_text(record)
     if record.chi2_per_row_before > 1.0 or record.p_lack_of_fit < ADEQUATE or worst_places(record):
-        return f"fails on {row_count_text(record)}"
+        return f"fails on {rows}"
     if any(each.kind == "group" for each in record.errors) or not record.parameters:
-        return f"follows {row_count_text(record)}, by set-ups that differ more than is usual"
+        return f"follows {rows}, by set-ups that differ more than is usual"
     numbers = {name: (part.before.value, part.start) for name, part in record.parameters.items()}
     name = max(numbers, key=lambda each: abs(np.log(np.divide(*numbers[each]))))
-    value, start = (plain(number, 3) for number in numbers[name])
-    words = f"follows {row_count_text(record)}, by an unusual {say.in_words(name.rpartition('.')[2])}"
-    return f"{words}, {value} where about {start} is expected"
+    ends, title = [plain(number, 3) for number in numbers[name]], say.in_words(name.rpartition(".")[2])
+    return f"follows {rows}, by an unusual {title}, {' where about '.join(ends)} is expected"
 
 
 def agreement_text(record: Record) -> str:
