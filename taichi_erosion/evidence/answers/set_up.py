@@ -48,13 +48,11 @@ def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
     if comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
         return
-    table = study.problem.measurements
+    table, names = study.problem.measurements, list[str]()
     columns = {name: [*values] for name, values in table.conditions.items()}
-    rest = {
-        name: zip(table.observable, *(columns[k] for k in columns if k != name), strict=True)
-        for name in columns
-    }
-    names = [name for name, sets in rest.items() if len({*sets}) <= len(table.value) / 2]
+    for name in columns:
+        rest = zip(table.observable, *(columns[k] for k in columns if k != name), strict=True)
+        names += [name] * (2 * len({*rest}) <= table.size)
     hint = FAULTS["repeated_but_for"] * (len(names) == 1 < len(columns))
     words = f"{FAULTS['unknown_scatter']}{hint}".format(*(name.rpartition(".")[2] for name in names))
     raise BadInput(f"{study.file.study.measurements}: {words}")

@@ -28,7 +28,6 @@ from scipy import special
 
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
-FEW = 2  # set-ups, as two soils, whose differences tell no scatter
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
 UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
@@ -168,7 +167,7 @@ def measurement_scatter(
         return scale_variance_by_repeats(variance, squares, between, own_variance, off)
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
-    designs = () if design is None else (design[:2], design[1:])[: 1 + (np.unique(design[2]).size > FEW)]
+    designs = () if design is None else (design[:2], design[1:])[: 1 + (design[2].max(initial=0.0) > 1.0)]
     for levels in designs:
         if freedom < LEAST_FREEDOM:
             squares, freedom = block_design_squares(z, repeats, levels)

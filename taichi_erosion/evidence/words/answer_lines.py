@@ -130,15 +130,15 @@ def sensitivity_table(record: Record) -> Table | None:
 
 
 def discovery_steps_text(record: Record, voc: say.Vocabulary, adopted: str) -> str:
-    proposals, verdict = voc.command("next", voc.study), record.verdict
+    proposals = voc.command("next", voc.study)
     steps = first_step_text(record, "discover", voc), *([adopted] if adopted else action_texts(record, voc))
     if words := "; then ".join(filter(None, steps)):
         return f"{words}."
-    if verdict == "outside_library" or record.refuted:
+    if record.verdict == "outside_library" or record.refuted:
         curve = f"{voc.command('report', voc.study)} draws the curve; " * bool(record.curves)
         command = voc.command("effects", "new", "NAME")
         return f"{curve}{command} makes an effect of your own, and `adopt` tests it."
-    if verdict == "unstable":
+    if record.fresh_runs is not None and record.fresh_runs.more_runs:
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
     return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
 

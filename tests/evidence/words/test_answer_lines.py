@@ -56,6 +56,13 @@ def test_new_simulations_that_tested_an_answer_are_told_and_a_misfit_that_is_rar
     told = discover_answer(replace(single, fresh_runs=FreshPart("confirmed", runs=12)), VOC).lines
     assert any(line.endswith("12 new simulations confirm the answer.") for line in told)
     assert "another law may act." in str(discover_answer(replace(single, p_misfit_after=0.03), VOC).lines)
+    for outcome, words, runs in (
+        ("contradicted", "change the answer", 24),
+        ("undecided", "leave it open", 0),
+    ):
+        part = FreshPart(outcome, runs=12, more_runs=runs)
+        first, *_, last = discover_answer(replace(DISCOVERIES["unstable"], fresh_runs=part), VOC).lines
+        assert (words in first, "makes more runs" in last) == (True, runs > 0)
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
