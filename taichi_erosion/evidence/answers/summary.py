@@ -154,9 +154,9 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
-    is_beyond = race.model.strength(name, float(single.v[-1])) > limit
-    if is_beyond and chi_square_of_fit(single) - chi_square_of_fit(about) < EXCLUDED**2:
-        limit = np.inf  # it does less than its slope at 0 promises
+    if chi_square_of_fit(single) < chi_square_of_fit(about):  # it may do less than its slope at 0 promises
+        end = float(single.v[-1] + EXCLUDED * single.setting_covariance[-1, -1] ** 0.5)
+        limit = max(limit, race.model.strength(name, end))
     alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
     status, unseen = effect_status(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
     above = [success for strength, success in race.model.candidates[name].trials if strength >= limit]
