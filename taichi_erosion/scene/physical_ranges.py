@@ -85,6 +85,17 @@ def range_at(path: str) -> PhysicalRange | None:
     return PhysicalRange(number.unit, number.low, number.high, usual)
 
 
+def range_of(name: str) -> PhysicalRange | None:
+    """Range of an observable, or of the number at a place, of several the first; None where none is known."""
+    return OBSERVED.get(name) or (range_at(name.split(",")[0].strip()) if name else None)
+
+
+def is_other_kind(unit: str | None, name: str) -> bool:
+    """Whether a unit is of another kind than that of an observable or a place."""
+    allowed = range_of(name)
+    return allowed is not None and bool(unit) and range_scale(unit, allowed) is None
+
+
 def range_scale(unit: str | None, allowed: PhysicalRange) -> Scale | None:
     """Scale from a unit as written to that of a range; None where they differ in kind."""
     try:

@@ -103,9 +103,10 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     titles = [" ".join(cells) for _, cells in rows[:start]]
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
-    rows = trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults)
-    rows = accumulate(rows, lambda up, row: (row[0], cells_with_dittos(up[1], row[1])))
-    cells = Cells(name, tuple(rows), comma, form, titles=" ".join(titles))
+    bare = tuple(trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults))
+    full = tuple(accumulate(bare, lambda up, row: (row[0], cells_with_dittos(up[1], row[1]))))
+    notes = ("ditto marks count as the cell above",) if full != bare else ()
+    cells = Cells(name, full, comma, form, notes, " ".join(titles))
     return apply_number_laws(name_tidy_columns(cells) if cells.lines else cells)
 
 
@@ -363,7 +364,7 @@ def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, 
 
 def apply_number_laws(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
-    columns, notes = list(map(list, zip(*(row for _, row in cells.rows), strict=True))), list[str]()
+    columns, notes = list(map(list, zip(*(row for _, row in cells.rows), strict=True))), [*cells.notes]
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
         if has_word(heading.text, known_words()["roles"]["sd"]):
@@ -437,10 +438,7 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     clear = max(map(len, words), default=0) > 2 and meaning_of(label)[0] != "condition"
     if words and (fewer or clear) and {*words} <= {*known_words()["rows"]["statistic"]}:
         return label
-    at, cell = (
-        [row[k] for k in conditions],
-        next((each for each in row if is_summary_word(last_word(each))), ""),
-    )
+    at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
     if not cell or cell in at or not all(at):
         return cell

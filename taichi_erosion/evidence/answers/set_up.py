@@ -4,6 +4,7 @@ Faults of runs come from `emulator/training_runs.py`. Where a fault blocks, noth
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,11 +49,10 @@ def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
     if comparison_rows(study.problem, study.problem.visible_rows()).has_noise.any():
         return
-    table, names = study.problem.measurements, list[str]()
-    columns = {name: [*values] for name, values in table.conditions.items()}
-    for name in columns:
-        rest = zip(table.observable, *(columns[k] for k in columns if k != name), strict=True)
-        names += [name] * (2 * len({*rest}) <= table.size)
+    table, columns = study.problem.measurements, study.problem.measurements.conditions
+    rest = {name: {k: x for k, x in columns.items() if k != name} for name in columns}
+    sets = {name: np.unique(condition_groups(replace(table, conditions=rest[name]))) for name in columns}
+    names = [name for name, numbers in sets.items() if 2 * numbers.size <= table.size]
     hint = FAULTS["repeated_but_for"] * (len(names) == 1 < len(columns))
     words = f"{FAULTS['unknown_scatter']}{hint}".format(*(name.rpartition(".")[2] for name in names))
     raise BadInput(f"{study.file.study.measurements}: {words}")

@@ -163,12 +163,14 @@ def agreement_text(record: Record) -> str:
 
 
 def scatter_line(record: Record, voc: say.Vocabulary) -> str:
-    """`Scatter of single measurements: angle of repose 0.78 deg, from repeats (40 degrees of freedom).`"""
+    """`Scatter of single measurements: flux 8 %, from repeats or blocks (40 degrees of freedom).`"""
     words = []
     for each in record.scatter:
         share, name = each.kind == "factor", each.observable
         size = f"{plain(100.0 * each.sd, 2)} %" if share else voc.units.value_text(name, each.sd)
-        origin = f"repeats ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
+        origin = (
+            f"repeats or blocks ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
+        )
         both = f"what is stated and {origin}, which scatter {plain(each.factor, 2)} times as much"
         words.append(f"{say.in_words(name)} {size}, from {both if isfinite(each.factor) else origin}")
     return f"Scatter of single measurements: {say.first_and_count_text(words)}." if words else ""

@@ -291,9 +291,9 @@ def grain_kind_sentences(scene: Scene) -> list[str]:
     """Grains larger than the true ones, and what is kept; several kinds, and pairs whose contact is mixed."""
     lines = []
     if (coarse := scene.grains.coarse_graining) is not None:
-        kept = f"{coarse.rule.replace('_', ' ')} kept (rule '{coarse.rule}')"
+        rule = f"{coarse.rule.replace('_', ' ')} kept (rule '{coarse.rule}')"
         pulls = f"surface energy and pulls between grains times {coarse.adhesion_scale:.3g}"
-        lines.append(f"{coarse.factor:.3g} times as large as the true ones, {kept}: {pulls}")
+        lines.append(f"{coarse.factor:.3g} times as large as the true ones, {rule}: {pulls}")
     counts = sizes.grain_count_of_kinds(scene) if scene.grains.kinds else {}
     lines += [f"{name}: {count:,} grains" for name, count in counts.items()]
     for a, b in combinations(counts, 2):

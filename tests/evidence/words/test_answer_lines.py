@@ -264,7 +264,7 @@ def test_a_trend_that_the_stated_scatter_does_not_make_is_no_failure_and_no_agre
 @pytest.mark.parametrize(
     ("kind", "sd", "repeats", "factor", "words"),
     [
-        ("offset", 0.8, 40, nan, "angle of repose 0.8 deg, from repeats (40 degrees of freedom)"),
+        ("offset", 0.8, 40, nan, "angle of repose 0.8 deg, from repeats or blocks (40 degrees of freedom)"),
         ("factor", 0.08, 0, nan, "angle of repose 8 %, from what is stated."),
         ("offset", 1.2, 6, 4.6, "which scatter 4.6 times as much"),
     ],

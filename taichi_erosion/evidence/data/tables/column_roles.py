@@ -15,13 +15,7 @@ from math import inf, isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.physical_ranges import (
-    OBSERVED,
-    PhysicalRange,
-    plausible_units,
-    range_at,
-    range_scale,
-)
+from taichi_erosion.scene.physical_ranges import PhysicalRange, is_other_kind, plausible_units, range_of
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import (
     CellFault,
@@ -206,19 +200,14 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
     if not isnan(height):
         return Column(place, heading, "remark", firm=False, height=height)
     changed, unclear = qualifying_words(heading) if role in ("observable", "condition") else ("", "")
-    other = role == "condition" and unclear and has_other_unit(heading, name)  # water sprayed, in mm
-    if role == "unknown" or changed or other or (unclear and name in AIR):  # of a tyre, of an oven
+    is_other = role == "condition" and unclear and is_other_kind(heading.unit, name)  # water sprayed, in mm
+    if role == "unknown" or changed or is_other or (unclear and name in AIR):  # of a tyre, of an oven
         near = name if changed else "" if name in AIR else suggest_meaning(heading.name, not heading.unit)
-        other = not changed and (heading.unreadable or has_other_unit(heading, near))  # a density of plants
-        return Column(place, heading, "remark", firm=False, near="" if other else near, changed=changed)
+        if not changed and (heading.unreadable or is_other_kind(heading.unit, near)):  # a density of plants
+            near = ""
+        return Column(place, heading, "remark", firm=False, near=near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, firm=role != "spread", factor=factor, unclear=unclear)
-
-
-def has_other_unit(heading: Heading, name: str) -> bool:
-    """Whether a heading has a unit of another kind than what is measured or set has."""
-    allowed = OBSERVED.get(name) or (range_at(name) if name else None)
-    return allowed is not None and bool(heading.unit) and range_scale(heading.unit, allowed) is None
 
 
 def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]) -> list[Column]:
@@ -333,12 +322,6 @@ def parse_roughness_length(text: str, height: float) -> float:
     return value
 
 
-def physical_range_of_column(column: Column) -> PhysicalRange | None:
-    """Range of what a column measures or sets; None where none is known."""
-    measured = column.role == "observable"
-    return OBSERVED.get(column.name) if measured else range_at(column.name.split(",")[0].strip())
-
-
 def can_be_of_any_size(allowed: PhysicalRange) -> bool:
     """Whether numbers of a quantity can be of any size, so that none tells its unit."""
     return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS
@@ -374,7 +357,7 @@ class Reading:
 
 def check_column_unit(column: Column, reading: Reading) -> Column:
     """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
-    heading, allowed = column.heading, physical_range_of_column(column)
+    heading, allowed = column.heading, range_of(column.name)
     unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
     fixed = reading.options.measures and unit and heading.unit  # a study says itself what there is
     if column.role not in ("observable", "condition") or not fixed:
@@ -416,7 +399,7 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
         meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
         question = f"Unit of column '{text}' (such as {usual})"
         return column_in_unit(column, interview.choice(question, usual, meaning))
-    allowed, measured = physical_range_of_column(column), column.role == "observable"
+    allowed, measured = range_of(column.name), column.role == "observable"
     if allowed is None or not values:
         return column
     several = can_be_of_any_size(allowed)

@@ -32,10 +32,10 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     find_or_ask_unit,
     friction_velocity_ratio,
     parse_roughness_length,
-    physical_range_of_column,
     refuse_other_answer,
     set_user_sd,
 )
+from taichi_erosion.scene.physical_ranges import range_of
 from taichi_erosion.tables.cell_numbers import is_missing
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
@@ -264,7 +264,7 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
     if column.role == "observable":
         words = f"no scene measures '{column.name}'; known: {', '.join(options.measures)}"
         return "" if column.name in options.measures else words
-    if physical_range_of_column(column) or column.name in options.own_units:
+    if range_of(column.name) or column.name in options.own_units:
         return ""
     no_place = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
     return f"{no_place}; places: {', '.join(known_words()['conditions'])}"

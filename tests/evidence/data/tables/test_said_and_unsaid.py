@@ -420,9 +420,10 @@ def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
 
 def test_a_ditto_mark_is_the_cell_above(tmp_path):
     text = "moisture (%);angle of repose (deg);SD\n0;30;0.5\n'';31;〃\n1;32;0.4\nditto;33;0.4\n2;34;0.4\n"
-    found, _ = measured(tmp_path, text)
+    found, told = measured(tmp_path, text)
     assert [*found.conditions["moisture"]] == [0.0, 0.0, 0.01, 0.01, 0.02]
     assert found.sd[1] == 0.5
+    assert "ditto marks count as the cell above" in told
 
 
 def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
