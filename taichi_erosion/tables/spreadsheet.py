@@ -126,9 +126,12 @@ def name_tidy_columns(cells: Cells) -> Cells:
     long = [k for k, each in enumerate(meanings) if each and {role for role, _ in each} == {"observable"}]
     if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(str.isidentifier, columns[long[0]])):
         return cells
-    for k, column in enumerate(columns):
-        role = meaning_of(cells.heading[k])[0]
-        column[0] = role if role in ("sd", "n", "group", "source", "remark") else column[0]
+    for column, heading in zip(columns, map(read_heading, cells.heading), strict=True):
+        role, name = meaning_of(heading.name)
+        if role in ("sd", "n", "group", "source", "remark"):
+            column[0] = role
+        elif role == "condition" and not re.search(r"[^\W\d_]{3}", heading.name):  # `u*`
+            column[0] = f"{name.rpartition('.')[2]} [{heading.unit}]"
     columns[long[0]] = ["observable", *(name for _, name in meanings[long[0]])]
     lines = (line for line, _ in cells.rows)
     return replace(cells, rows=tuple(zip(lines, zip(*columns, strict=True), strict=True)))

@@ -76,6 +76,8 @@ def read_rows(
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
         faults += [f"--sd {text}: this table has a column 'sd' for it" for text in options.sd]
+        for words in cells.notes:
+            interview.assume(words)
         return None if tidy is None else table_from_cells(cells, tidy, faults, options)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])

@@ -465,6 +465,9 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     found, _ = measured(tmp_path, text)
     assert {*found.observable} == {"repose_angle", "threshold_u_star"}
     assert (found.group[0], found.value[-1]) == ("T0", pytest.approx(0.33))
+    flux = re.sub(r"threshold friction velocity,.*,(\d)\n", r"sand flux,1\1,g/(m s),1,4,0.\1\n", text)
+    flux = re.sub(r".*angle.*\n", "", flux).replace("moisture [%]", "u* [m/s]")
+    assert "friction_velocity" in measured(tmp_path, flux, "flux.csv")[0].conditions
 
 
 def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
