@@ -421,8 +421,7 @@ def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
 def test_a_ditto_mark_is_the_cell_above(tmp_path):
     text = "moisture (%);angle of repose (deg);SD\n0;30;0.5\n'';31;〃\n1;32;0.4\nditto;33;0.4\n2;34;0.4\n"
     found, told = measured(tmp_path, text)
-    assert [*found.conditions["moisture"]] == [0.0, 0.0, 0.01, 0.01, 0.02]
-    assert found.sd[1] == 0.5
+    assert ([*found.conditions["moisture"]], found.sd[1]) == ([0.0, 0.0, 0.01, 0.01, 0.02], 0.5)
     assert "ditto marks count as the cell above" in told
 
 
@@ -461,12 +460,11 @@ def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
 def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     rows = [f"T{w},angle of repose,{30 + w},deg,0.6,4,{w}" for w in range(5)]
     rows += [f"T{w},threshold friction velocity,{0.25 + w / 50},m/s,0.01,4,{w}" for w in range(5)]
-    text = "\n".join([f"site,{heading},value,unit,sd,n,moisture [%]", *rows, ""])
-    found, _ = measured(tmp_path, text)
+    head = f"site,{heading},value,unit,sd,n"
+    found = measured(tmp_path, "\n".join([f"{head},moisture [%]", *rows, ""]))[0]
     assert {*found.observable} == {"repose_angle", "threshold_u_star"}
     assert (found.group[0], found.value[-1]) == ("T0", pytest.approx(0.33))
-    flux = re.sub(r"threshold friction velocity,.*,(\d)\n", r"sand flux,1\1,g/(m s),1,4,0.\1\n", text)
-    flux = re.sub(r".*angle.*\n", "", flux).replace("moisture [%]", "u* [m/s]")
+    flux = "\n".join([f"{head},u* [m/s]", *(f"A,sand flux,{k},g/(m s),0.1,4,0.{k}" for k in range(3, 8)), ""])
     assert "friction_velocity" in measured(tmp_path, flux, "flux.csv")[0].conditions
 
 
