@@ -104,11 +104,9 @@ class ComparisonRows:
 
     def select_rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
-        index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
-        shared = self.shared[index]
-        columns = pick_rows({name: getattr(self, name) for name in ROW_WISE}, index)
-        columns["shared"] = shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0]
-        columns["covariance"] = None if self.covariance is None else self.covariance[np.ix_(index, index)]
+        columns = pick_rows({name: getattr(self, name) for name in (*ROW_WISE, "shared")}, chosen)
+        columns["shared"] = columns["shared"][:, np.any(columns["shared"] != 0.0, axis=0)]
+        columns["covariance"] = None if self.covariance is None else self.covariance[np.ix_(chosen, chosen)]
         return replace(self, **columns)
 
 
@@ -141,9 +139,8 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
     cell, exact = repeat_group_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, usual = np.where(table.n >= 1.0, table.n, 1.0), observable.transform == "identity"
-    typical = np.array(
-        [np.median(np.abs(value[cell == each])) for each in cell]
-    )  # a slip has no weight of its own
+    # a slip has no weight of its own
+    typical = np.array([np.median(np.abs(value[cell == each])) for each in cell])
     steep = np.abs(slope(observable, typical))
     shapes = np.array([steep, typical * steep])[:: 1 if usual else -1]  # of sd; usual first
     sd, design = np.abs(table.sd * steepness), design_level_numbers(table)

@@ -102,17 +102,16 @@ def row_correlation(rows: ComparisonRows, matrix: Floats) -> Floats:
 
 def replicate_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
     """Correlation of the model's replicates, less where the laboratory scatters more than the model."""
-    correlation = np.eye(len(rows.observables))
-    single = scatter_variance(rows) * [sum(variances.values()) for variances in rows.heaps]
-    share = np.zeros(len(rows.observables))
-    for k, observable in enumerate(rows.observables):
-        finite = single[(rows.which == k) & np.isfinite(single)]
-        if observable.name in replicates.names and finite.size:
-            sd = float(replicates.sd[replicates.names.index(observable.name)])
-            share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     names = [each.name for each in rows.observables]
+    single = scatter_variance(rows) * [sum(variances.values()) for variances in rows.heaps]
+    share = np.zeros(len(names))
+    for k, name in enumerate(names):
+        finite = single[(rows.which == k) & np.isfinite(single)]
+        if name in replicates.names and finite.size:
+            sd = float(replicates.sd[replicates.names.index(name)])
+            share[k] = min(1.0, sd / max(float(np.sqrt(np.median(finite))), 1e-300))
     of_model = HeapCorrelation(replicates.names, replicates.correlation).correlation_between(names)
-    return np.where(correlation > 0.0, 1.0, of_model * np.outer(share, share))
+    return np.where(np.eye(len(names), dtype=np.bool_), 1.0, of_model * np.outer(share, share))
 
 
 def correlation_of_repeats(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:
@@ -130,9 +129,8 @@ def correlation_of_repeats(observables: Sequence[Observable], table: Measurement
     correlation, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)
-        r, nu = correlation_within_cells(values[both][:, [a, b]], counts[both][:, [a, b]], cell[both])
-        correlation[a, b] = correlation[b, a] = r
-        freedom[a, b] = freedom[b, a] = nu
+        pair = values[both][:, [a, b]], counts[both][:, [a, b]], cell[both]
+        correlation[a, b], freedom[a, b] = correlation[b, a], freedom[b, a] = correlation_within_cells(*pair)
     return correlation, freedom
 
 

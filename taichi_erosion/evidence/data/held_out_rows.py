@@ -71,8 +71,7 @@ def draw_vault(
 
 def earlier_vault(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
     """Rows that stay held out, with those new to their units, and the units that were drawn before."""
-    draw = measurements.drawn or ("",) * measurements.size
-    pairs = list(zip(units, draw, strict=True))
+    pairs = list(zip(units, measurements.drawn or ("",) * measurements.size, strict=True))
     hidden = {unit for unit, was in pairs if was == "held out"}
     stays = [was == "held out" or (not was and unit in hidden) for unit, was in pairs]
     return np.array(stays, dtype=np.bool_), frozenset(unit for unit, was in pairs if was)

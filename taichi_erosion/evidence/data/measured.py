@@ -76,8 +76,7 @@ def read_rows(
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
         faults += [f"--sd {text}: this table has a column 'sd' for it" for text in options.sd]
-        for words in cells.notes:
-            interview.assume(words)
+        interview.assume(*cells.notes)
         return None if tidy is None else table_from_cells(cells, tidy, faults, options)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
@@ -87,8 +86,7 @@ def read_rows(
     cells = fill_down(cells, columns, options, interview)
     columns = list(without_repeat_labels(columns, cells))
     table = table_from_cells(cells, columns, faults, options)
-    for words in (*table.notes, *notes_on_cells(cells, columns)):
-        interview.assume(words)
+    interview.assume(*table.notes, *notes_on_cells(cells, columns))
     return replace(table, notes=tuple(interview.assumptions[assumed:]))
 
 

@@ -90,8 +90,8 @@ def moderate_variance(variance: Floats, freedom: Floats, shapes: Floats) -> tupl
         return np.full(variance.size, np.nan), 0.0
     shape = likeliest_scatter_shape(variance, freedom, shapes) ** 2
     relative = np.maximum(variance / shape, LEAST_VARIANCE * np.median(positive / shape[variance > 0.0]))
-    pooled = float(np.sum(freedom * variance / shape) / np.sum(freedom))
     whole = float(np.sum(freedom))
+    pooled = float(np.sum(freedom * variance / shape)) / whole
     even = pooled * shape * whole / max(whole - 2.0, 1.0), whole
     if variance.size < 2 or equal_variance_p(relative, freedom) > UNEVEN:
         return even
@@ -155,10 +155,8 @@ def measurement_scatter(
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
-    own_variance = 0.0
-    if sampled.any():
-        samples = variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
-        variance[sampled], own_variance = moderate_variance(*samples)
+    samples = variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
+    variance[sampled], own_variance = moderate_variance(*samples)
     finite = np.isfinite(variance)
     if finite.any():
         off = rows_against_repeats(z, [weight := repeats / variance], cell, True)

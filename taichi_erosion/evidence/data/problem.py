@@ -93,8 +93,7 @@ class Measurements:
     @property
     def half_widths(self) -> Floats:
         """How far the true value may lie from `limit`, 0 for an ordinary row."""
-        below = np.full(self.size, -np.inf)
-        return np.where(self.censored, below if self.reach is None else self.reach, 0.0)
+        return np.where(self.censored, -np.inf if self.reach is None else self.reach, 0.0)
 
 
 @dataclass(frozen=True)
@@ -214,9 +213,8 @@ class Problem:
 
     def visible_rows(self) -> Measurements:
         """The rows outside the vault."""
-        keep = np.ones(self.measurements.size, dtype=np.bool_)
-        keep[self.vault.rows] = False
-        return self.measurements.pick_rows_at(keep)
+        rows = np.setdiff1d(np.arange(self.measurements.size), self.vault.rows)
+        return self.measurements.pick_rows_at(rows)
 
     def measurements_in_vault(self) -> Measurements:
         """The rows inside the vault."""

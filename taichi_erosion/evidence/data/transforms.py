@@ -76,9 +76,8 @@ def parameter_axis(parameter: Parameter) -> Axis:
 
 def adopted_axis(candidate: Candidate) -> Axis:
     """Axis of the strength of an effect that already belongs to the model; half-normal prior."""
-    name = f"{EFFECTS}{candidate.name}{STRENGTH}"
     most = candidate.maximum / max(candidate.prior_scale, 1e-300)
-    return Axis(name, 0.0, candidate.prior_scale, 0.0, most, False)
+    return Axis(f"{EFFECTS}{candidate.name}{STRENGTH}", 0.0, candidate.prior_scale, 0.0, most, False)
 
 
 def value_on_axis(axis: Axis, x: float) -> float:

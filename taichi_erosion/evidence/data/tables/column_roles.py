@@ -233,9 +233,7 @@ def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults:
 
 def condition_name_of_path(place: str) -> str:
     """Name of a column that sets a place of a scene: `moisture` for `conditions.moisture`."""
-    if place == DIAMETER:
-        return "diameter"
-    if place.startswith(("contact.", "materials.")):
+    if place == DIAMETER or place.startswith(("contact.", "materials.")):
         return place.split(",")[0].rpartition(".")[2]
     return place.removeprefix("conditions.").split(",")[0].replace(".", "_").replace("-", "_")
 
@@ -301,10 +299,10 @@ class Interview:
         """Whether the user says yes; the guess is yes."""
         return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
 
-    def assume(self, meaning: str) -> None:
+    def assume(self, *meanings: str) -> None:
         """Record what was assumed without a question."""
-        if meaning and meaning not in self.assumptions:
-            self.assumptions.append(meaning)
+        new = [each for each in dict.fromkeys(meanings) if each and each not in self.assumptions]
+        self.assumptions.extend(new)
 
 
 def refuse_other_answer(answer: str, what: str, allowed: Collection[str]) -> None:

@@ -87,8 +87,7 @@ def understand_columns(
     if signs and STANDARD_ERROR.search(cells.titles):
         remedy = "write a column 'SE' with n, or the sd of repeats"
         faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
-    for note in cells.notes:
-        interview.assume(note)
+    interview.assume(*cells.notes)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
     reading = Reading(cells, options, interview, faults)
@@ -320,9 +319,8 @@ def settle_unread_columns(
             condition = f"{column.heading.name}={column.heading.unit or 'UNIT'}"
             column = reading.reject(column, f"{AGAIN}: {COMPUTED} --condition '{condition}' where it was set")
         elif column in why and column.name.startswith("contact.") and not column.unclear:
-            column = reading.reject(
-                column, f"sets {column.name}, which is calibrated: leave out --closed-form; {UNUSED}"
-            )
+            wrong = f"sets {column.name}, which is calibrated: leave out --closed-form; {UNUSED}"
+            column = reading.reject(column, wrong)
         elif reason:
             column = replace(column, role="remark")
         elif reason == "" and column.name not in (reading.options.reads or ()):
@@ -397,14 +395,12 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
     repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         titles = ", ".join(f"'{column.heading.text}'" for column in family)
+        meaning = f"columns {titles} are repeats of one measurement"
         if any(heading_holds_value(each.heading) for each in family):
             lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
             words = PROFILE if lengths else CROSS_TABLE
             reading.faults.append(f"{reading.cells.file}: columns {titles}: {words}")
-        elif not reading.interview.ask_yes_or_no(
-            f"Columns {titles}: repeats of one measurement",
-            f"columns {titles} are repeats of one measurement",
-        ):
+        elif not reading.interview.ask_yes_or_no(f"Columns {titles}: repeats of one measurement", meaning):
             continue
         repeats |= {column.place for column in family[1:]}
         numbered |= {column.place for column in family}  # `n = 2` is the number of one

@@ -136,10 +136,9 @@ def tidy_columns(cells: Cells) -> list[Column]:
 
 def missing_column_faults(names: Sequence[str], file: str) -> Iterator[str]:
     """Columns of a tidy table that are missing, or seem to be there under another spelling."""
-    for each in (*REQUIRED, "sd", "n", "group", "source", "vault"):
-        others = [name for name in names if name not in ROLES]
-        if each in names:
-            continue
+    expected = (*REQUIRED, "sd", "n", "group", "source", "vault")
+    others = [name for name in names if name not in ROLES]
+    for each in (name for name in expected if name not in names):
         if near := get_close_matches(each, others, n=1, cutoff=0.75):
             yield f"{file}: column '{near[0]}' is unknown; did you mean '{each}'?"
         elif each in REQUIRED:
@@ -308,8 +307,7 @@ class RowReader:
         """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
         unit_of_heading = column.heading.unit
         try:
-            comma, middle = self.cells.decimal_comma, column.role == "condition"
-            cell = read_cell(row[column.place], comma, single, middle)
+            cell = read_cell(row[column.place], self.cells.decimal_comma, single, column.role == "condition")
             scale = self.cell_scale(cell.unit or unit_of_heading, unit_of_heading if unit is None else unit)
         except CellFault as fault:
             self.add_fault(line, column, row, fault)
