@@ -179,8 +179,7 @@ def load_function_model(path: Path, file: StudyFile, store: RunStore, files: Eff
     uncertainty = plugin.covariance and plugins.ModelErrorCovariance(plugin, model, file.study.seed)
     identities = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     unread = {n: "" for n, place in file.conditions.items() if place.startswith(simulator.CONDITIONS)}
-    parts = model, identities, tried, adopted, (), uncertainty, plugin.mechanisms
-    return StudyModel(*parts, unread=unread)
+    return StudyModel(model, identities, tried, adopted, (), uncertainty, plugin.mechanisms, unread=unread)
 
 
 def load_scene_model(

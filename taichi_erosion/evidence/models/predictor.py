@@ -50,8 +50,7 @@ class Predictor:
         self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
     ) -> "Predictor":
         """The same model and cost counter with other rows."""
-        rows = {"observables": observables, "which": which, "conditions": conditions}
-        return replace(self, **rows, cache={})
+        return replace(self, observables=observables, which=which, conditions=conditions, cache={})
 
     @cached_property
     def row_requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
@@ -96,7 +95,7 @@ class Predictor:
     ) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
-        `doses`: of a mechanism, in every row; `known`: as in `matrix_root`, by default all rows.
+        `doses`: of a mechanism, in every row; `exact`: as in `matrix_root`, by default all rows.
         """
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
@@ -111,9 +110,9 @@ class Predictor:
 
 
 def matrix_root(kernel: Floats, exact: int, least: float) -> Floats:
-    """Columns F with F F^T = K, of which `known` rows come first, without their parts below `least`.
+    """Columns F with F F^T = K, of which `exact` rows come first, without their parts below `least`.
 
-    With V d V^T = K_11 the first columns are K_1 V d^-1/2, and the others are 0 in known rows: what is said
+    With V d V^T = K_11 the first columns are K_1 V d^-1/2, and the others are 0 in exact rows: what is said
     of these, or of any other, does not depend on what else is asked.
     """
     values, vectors = np.linalg.eigh(kernel[:exact, :exact])

@@ -116,8 +116,7 @@ class PreparedProblem:
                 change = change_per_sd(self.predictor, name, sd, x, acting)
                 column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
                 parts.append(np.where(column, change[:, np.newaxis], 0.0))
-        rounding = np.diag(self.rows.rounding)
-        return np.hstack([*parts, rounding[:, self.rows.rounding > 0.0]])
+        return np.hstack([*parts, np.diag(self.rows.rounding)[:, self.rows.rounding > 0.0]])
 
     def observables_with_row_masks(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""
@@ -136,8 +135,8 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     """
     rows = comparison_rows(problem, table)
     axes = *map(transforms.parameter_axis, problem.parameters), *map(transforms.adopted_axis, problem.adopted)
-    is_known = problem.model, rows.observables, rows.which, rows.conditions
-    predictor = Predictor(*is_known, axes, problem.candidates, problem.uncertainty)
+    place = rows.observables, rows.which, rows.conditions
+    predictor = Predictor(problem.model, *place, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
     values = predictor.predict_on_scale(start, {}, random_seeds(generator, PROBE_SEEDS))
@@ -152,9 +151,8 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
         raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
     if failed.any():
         warnings.append(f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out")
-        rows, variance = rows.select_rows(~failed), variance[~failed]
-    is_known = rows.has_noise & ~rows.awaits_correction
-    rows, variance = rows.select_rows(is_known), variance[is_known]
+    usable = ~failed & rows.has_noise & ~rows.awaits_correction
+    rows, variance = rows.select_rows(usable), variance[usable]
     predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
     more = tuple(warnings), condition_errors(rows), heaps
