@@ -153,8 +153,7 @@ def action_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         words = voc.command("effects", "new", "NAME", *origin)
         yield f"{words} writes {say.join_words(firm)} as an effect of your own, and `adopt` tests it"
     if either:
-        names = say.join_words(either)
-        yield f"{voc.command('next', voc.study)} asks which measurements tell {names} apart"
+        yield f"{voc.command('next', voc.study)} asks which measurements tell {say.join_words(either)} apart"
 
 
 def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
@@ -179,10 +178,8 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     way = "falls" if after < before else "rises"
     misfits = {"held-out": vault.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.p_text(p)})" for name, p in misfits.items() if p < ADEQUATE]
-    at = say.join_words(map(str, vault.slips))
-    slip = f"Check row {at} of the table: ten times too large or too small? Correct it, adopt again" * bool(
-        at
-    )
+    check = f"Check row {say.join_words(map(str, vault.slips))} of the table"
+    slip = f"{check}: ten times too large or too small? Correct it, adopt again" * bool(vault.slips)
     if not part_words.naming_lowers_misfit(record):
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         ends = record.chi2_per_row_before, record.chi2_per_row_after
@@ -324,15 +321,14 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
     return Table("predictions", columns, rows)
 
 
-def value_cells(row: PredictedPart, units: TableUnits) -> Iterator[str]:
+def value_cells(row: PredictedPart, units: TableUnits) -> tuple[str, ...]:
     """Model, value with its interval, interval of one measurement; dashes where the model has no value."""
     if isnan(row.value):
-        yield from ("-",) * 3
-        return
+        return ("-",) * 3
     scale = units.value(row.observable, 1.0) or 1.0
-    yield plain(scale * row.model)
-    yield say.interval(Interval(row.value, row.low, row.high), 3, scale)
-    yield f"{plain(scale * row.measured_low)} to {plain(scale * row.measured_high)}"
+    value = say.interval(Interval(row.value, row.low, row.high), 3, scale)
+    single = f"{plain(scale * row.measured_low)} to {plain(scale * row.measured_high)}"
+    return plain(scale * row.model), value, single
 
 
 def out_of_range_text(row: PredictedPart) -> str:

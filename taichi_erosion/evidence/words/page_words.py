@@ -78,8 +78,7 @@ def explanations_by_probability(record: Record) -> Iterator[tuple[str, float, st
     small = [p for _, p in ranked if p < KEEP]
     main = [(lines.explanation_name(key), p) for key, p in ranked if p >= KEEP]
     rest = [(count_noun(len(small), "other explanation"), sum(small))] if small else []
-    for label, p in [*main, *rest]:
-        yield label, p, probability_text(p)
+    yield from ((label, p, probability_text(p)) for label, p in (*main, *rest))
 
 
 def model_description(model: str, record: Record) -> str:

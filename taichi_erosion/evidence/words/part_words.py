@@ -85,9 +85,8 @@ def factor_text(size: Interval) -> str:
 
 def unit_mistake_text(factor: float) -> str:
     """` (percent for a share?)`, where a factor or its inverse is that of a unit."""
-    near = (words for size, words in UNITS.items() if abs(abs(log(factor)) - log(size)) < NEAR_UNIT)
-    words = next(near, "")
-    return f" ({words}?)" if words else ""
+    size = abs(log(factor))
+    return next((f" ({words}?)" for unit, words in UNITS.items() if abs(size - log(unit)) < NEAR_UNIT), "")
 
 
 def worst_places(record: Record) -> list[parts.PlacePart]:
@@ -168,9 +167,8 @@ def scatter_line(record: Record, voc: say.Vocabulary) -> str:
     for each in record.scatter:
         share, name = each.kind == "factor", each.observable
         size = f"{plain(100.0 * each.sd, 2)} %" if share else voc.units.value_text(name, each.sd)
-        origin = (
-            f"repeats or blocks ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
-        )
+        repeats = f"repeats or blocks ({each.repeats} degrees of freedom)"
+        origin = repeats if each.repeats else "what is stated"
         both = f"what is stated and {origin}, which scatter {plain(each.factor, 2)} times as much"
         words.append(f"{say.in_words(name)} {size}, from {both if isfinite(each.factor) else origin}")
     return f"Scatter of single measurements: {say.first_and_count_text(words)}." if words else ""
@@ -358,16 +356,16 @@ def imitation_text(record: Record, voc: say.Vocabulary) -> str:
 
 def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
-    best, parts_of_best = record.refuted, [record.effects[name] for name in record.refuted]
+    refuted = [record.effects[name] for name in record.refuted]
     if record.imitators:
         return f"No effect is named: {imitation_text(record, voc)}"
     why = "the rows contradict its law: it acts in another way, or something else acts"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
-    elif strong := [part for part in parts_of_best if part.strength > part.most]:
+    elif strong := [part for part in refuted if part.strength > part.most]:
         size = f"{say.interval(strong[0].strength_range)}, where the list ends at {plain(strong[0].most, 2)}"
         why = f"with a strength of {size}: check the units, or something else acts"
-    names = say.join_words(map(voc.effect_title, best))
+    names = say.join_words(map(voc.effect_title, record.refuted))
     return f"No effect is named: {names} would explain the data best, but {why}."
 
 
@@ -401,6 +399,5 @@ def candidate_table_rows(record: Record) -> Iterator[tuple[str, ...]]:
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
         part = record.effects.get(name)
-        hidden = part is None or (name not in acts and part.probability < LIKELY)
-        strength = "-" if hidden or part is None else strength_text(part)
+        strength = strength_text(part) if part and (name in acts or part.probability >= LIKELY) else "-"
         yield name, candidate_status_text(name, record), strength, say.probability_text(chances[name])

@@ -26,7 +26,7 @@ def with_sd_text(measure: Document, usual: int | None = None) -> str:
     if value is None or not isfinite(value):
         return "-"
     text = plain(value, 4)
-    if sd is not None and isfinite(sd) and sd > 0.0:
+    if (sd := deviation_or_zero(sd)) > 0.0:
         digits = max(0, 1 - floor(log10(sd)))
         text = f"{value:.{digits}f} \N{PLUS-MINUS SIGN} {sd:.{digits}f}"
     return text if n in (None, usual) else f"{text} (n = {n})"
@@ -60,7 +60,6 @@ def measured_value_texts(document: Document) -> Iterator[str]:
 def comparison_sentence(title: str, measure: Document, datum: Document) -> str:
     """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
     gap = measure["value"] - datum["value"]
-    shared = deviation_or_zero(measure.get("details", {}).get("shared_sd"))
     size = with_unit(plain(abs(gap), 2), measure.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
     words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in measure.get("shortfalls", ())[:1])
@@ -69,7 +68,7 @@ def comparison_sentence(title: str, measure: Document, datum: Document) -> str:
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
     errors = (deviation_or_zero(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, datum))
-    error = hypot(shared, *errors)
+    error = hypot(deviation_or_zero(measure.get("details", {}).get("shared_sd")), *errors)
     far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
     if far and abs(gap) <= CHANCE * error:
         return f"The {title} agrees with the measured one: {size} apart, {far}."

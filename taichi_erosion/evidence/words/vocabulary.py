@@ -98,7 +98,7 @@ def join_words(words: Iterable[str], last: str = "and") -> str:
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
-def first_and_count_text(words: Sequence[str], between: str = "; ") -> str:
+def first_and_count_text(words: Sequence[str]) -> str:
     """The first of some clauses, and how many more there are."""
     more = [f"and {len(words) - MOST_TOLD} more"] if len(words) > MOST_TOLD else []
-    return between.join([*words[:MOST_TOLD], *more])
+    return "; ".join([*words[:MOST_TOLD], *more])
