@@ -91,12 +91,11 @@ def adopted_study_text(study: Study, adoption: Adoption) -> str:
     text = add_effect_files_to_text(text, "study", study.path.parent, study.effect_files)
     listed = {candidate.name: candidate for candidate in study.problem.candidates}
     for effect in adoption.effects:
-        strength = round_number(adoption.strengths[effect].value)
-        note = interval_comment(adoption.strengths[effect])
-        text = with_entry(text, ("adopted", effect, "strength"), strength, note)
+        strength = adoption.strengths[effect]
+        text = with_estimate(text, ("adopted", effect, "strength"), strength)
         if effect in listed:
             scale, most = listed[effect].prior_scale, listed[effect].maximum
-            if strength > most:
+            if round_number(strength.value) > most:
                 scale, most = most, REACH * most
             text = with_entry(text, ("adopted", effect, "prior_scale"), scale)
             text = with_entry(text, ("adopted", effect, "max"), most)
@@ -110,15 +109,14 @@ def write_adopted_scene(
     text = remove_mark(read_text_of_file(scene, str(scene)))
     text = add_effect_files_to_text(text, "scene", scene.parent, more)
     for name, strength in adoption.strengths.items():
-        value, note = round_number(strength.value), interval_comment(strength)
-        text = with_entry(text, ("effects", name, "strength"), value, note)
+        text = with_estimate(text, ("effects", name, "strength"), strength)
     for name, number in adoption.numbers.items():
-        value = round_number(number.value)
-        if refusal_of_number(scene, name, value, tuple(study.effect_files)) is None:
-            text = with_entry(text, tuple(name.split(".")), value, interval_comment(number))
+        if refusal_of_number(scene, name, round_number(number.value), study.effect_files) is None:
+            text = with_estimate(text, tuple(name.split(".")), number)
     return write_atomic(path, mark_toml(path, study.path, text))
 
 
-def interval_comment(number: Estimate) -> str:
-    """Comment beside a calibrated number: its 90 % interval."""
-    return f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
+def with_estimate(text: str, keys: tuple[str, ...], number: Estimate) -> str:
+    """A TOML text with a calibrated number, and its 90 % interval in a comment beside it."""
+    comment = f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
+    return with_entry(text, keys, round_number(number.value), comment)

@@ -146,16 +146,15 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     failed = ~np.isfinite(mean_over_finite_seeds(values))
     heaps = heap_correlation(rows, table, problem.replicates)
     rows = add_correlation(rows, heaps)
-    warnings = [*rows.warnings]
     if failed.all():
         raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
-    if failed.any():
-        warnings.append(f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out")
+    lost = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
+    warnings = rows.warnings + (lost,) * bool(failed.any())
     usable = ~failed & rows.has_noise & ~rows.awaits_correction
     rows, variance = rows.select_rows(usable), variance[usable]
     predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    more = tuple(warnings), condition_errors(rows), heaps
+    more = warnings, condition_errors(rows), heaps
     return PreparedProblem(problem, rows, predictor, seeds, variance, total, *more)
 
 
@@ -186,8 +185,7 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
 
 def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     """Errors of the conditions of some rows; None where every condition is exact."""
-    errors = {name: np.nan_to_num(column) for name, column in rows.condition_sd.items()}
-    errors = {name: column for name, column in errors.items() if np.any(column > 0.0)}
+    errors = {name: np.nan_to_num(sd) for name, sd in rows.condition_sd.items() if np.any(sd > 0.0)}
     if not errors:
         return None
     cells = zip(rows.group, rows.source, condition_groups(rows), strict=True)

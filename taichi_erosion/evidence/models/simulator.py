@@ -77,9 +77,7 @@ class Simulator:
         present = {*acting, *self.effects_acting_in_scene(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         finite = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
-        numbers = {
-            path: x for path, x in (finite | dict(parameters)).items() if path in measure.accepted_paths
-        }
+        numbers = {path: x for path, x in {**finite, **parameters}.items() if path in measure.accepted_paths}
         entries = {path: x for path, x in numbers.items() if parameter_can_change_run(path, present)}
         for name, psi in acting.items():
             entries[f"effects.{name}.{DOSE if name in self.mechanisms else STRENGTH}"] = psi

@@ -98,14 +98,11 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
     for name, paths in file.conditions.items():
         if name not in table.conditions:
             continue
-        path = dotted_paths(paths)[0]
-        if scenes:
-            values = (value_at_keys(scene, path.split(".")) for scene in scenes)
-            value = next((float(n) for n in values if type(n) in (int, float)), nan)
-            allowed = range_at(path)
-        else:
-            unit = table.units[table.conditions.index(name)]
-            allowed, value = range_at(f"conditions.{path}") if unit else None, nan
+        path, unit = dotted_paths(paths)[0], table.units[table.conditions.index(name)]
+        values = (value_at_keys(scene, path.split(".")) for scene in scenes)
+        value = next((float(n) for n in values if type(n) in (int, float)), nan)
+        place = path if scenes else f"conditions.{path}"
+        allowed = range_at(place) if scenes or unit else None
         yield from value_faults(table, name, allowed, value, usual=bool(scenes))
     for name, entry in file.observables.items():
         yield from value_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
@@ -130,8 +127,8 @@ def read_new_conditions(
 ) -> NewConditions:
     """Conditions of a table in the units of use; raises BadInput with all its faults.
 
-    `places` are the units of what the conditions set, `known` the measurements of the study: a column without
-    a unit is in the unit of the study's own table. `folder`: of the study. Impossible values are refused.
+    `places` are the units of what the conditions set, `measured` the rows of the study: a column without a
+    unit is in the unit of the study's own table. `folder`: of the study. Impossible values are refused.
     """
     faults = Faults()
     cells = read_table_cells(path, one_line_name(path), faults)
