@@ -133,7 +133,8 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
     value = np.where(table.censored, table.limit, table.value)
-    (z, reach), steepness = censor_scale(observable, value, table.half_widths), slope(observable, value)
+    reach = np.where(table.censored, -np.inf if table.reach is None else table.reach, 0.0)
+    (z, reach), steepness = censor_scale(observable, value, reach), slope(observable, value)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes, table = notes_on_missing_numbers(observable, table, usable), table.pick_rows_at(usable)
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))

@@ -133,8 +133,8 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
         if not (options.fill_down or interview.choice(question, "no", "")[0] in AGREED):
             continue
         interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
-        for above, row in pairwise(rows):
-            row[column.place] = row[column.place] or (above[column.place] if above is not rows[0] else "")
+        for above, row in pairwise(rows[1:]):
+            row[column.place] = row[column.place] or above[column.place]
     whole = zip(cells.rows, rows, strict=True)
     return replace(cells, rows=tuple((line, tuple(row)) for (line, _), row in whole))
 

@@ -90,11 +90,6 @@ class Measurements:
         """The table restricted to some rows, in the order given."""
         return replace(self, **pick_rows(vars(self) | {"line": self.table_line_numbers}, chosen))
 
-    @property
-    def half_widths(self) -> Floats:
-        """How far the true value may lie from `limit`, 0 for an ordinary row."""
-        return np.where(self.censored, -np.inf if self.reach is None else self.reach, 0.0)
-
 
 @dataclass(frozen=True)
 class Observable:

@@ -283,9 +283,8 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
     filled = [*down] if reading.options.fill_down else rows
-    labels = [c.place for c in columns if c.role == "group"]
-    named = ["|".join(row[k] for k in labels) for row in filled]
-    set_ups = np.unique(named, return_inverse=True)[1].astype(np.float64)
+    labels = ["|".join(row[c.place] for c in columns if c.role == "group") for row in filled]
+    set_ups = np.unique(labels, return_inverse=True)[1].astype(np.float64)
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
@@ -340,12 +339,11 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
     Not where it may repeat a condition that is there in numbers.
     """
     lines, settings = reading.cells.lines, [column for column in columns if column.role == "condition"]
-    words_of = {column.place: [row[column.place] for _, row in lines] for column in columns}
     numbers = {c.heading.text: [reading.number(row[c.place]).value for _, row in lines] for c in settings}
     alike = len({*zip(*(map(repr, each) for each in numbers.values()), strict=True)}) < len(lines)
     labels = ["|".join(row[c.place] for c in columns if c.role == "group") for _, row in lines]
     for column in columns:
-        words, (role, name) = words_of[column.place], meaning_of(column.heading.name)
+        words, (role, name) = [row[column.place] for _, row in lines], meaning_of(column.heading.name)
         unstated = role == "condition" and name not in {each.name for each in settings}
         unknown = column.role == "remark" and (role == "unknown" or unstated)
         again = 1 < len({*labels}) == len({*zip(words, labels, strict=True)})  # the texture of a soil

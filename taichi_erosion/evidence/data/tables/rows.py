@@ -250,8 +250,7 @@ class RowReader:
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
-        for each in self.columns_with("condition_sd"):
-            errors[each.title] = self.read_positive(line, row, each)
+        errors |= {c.title: self.read_positive(line, row, c) for c in self.columns_with("condition_sd")}
         # a row of a laboratory's table that names no source has its place in the file
         source = self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
         shared = Row(
