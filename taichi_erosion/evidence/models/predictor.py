@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from taichi_erosion.evidence.data.problem import (
     Numbers,
     Observable,
     Uncertainty,
+    pick_rows,
 )
 from taichi_erosion.evidence.data.transforms import Axis, split_numbers, to_scale
 
@@ -55,11 +55,8 @@ class Predictor:
     @cached_property
     def row_requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
         """Every observable that has rows, these rows, and their conditions."""
-        return tuple(
-            (observable, rows, {name: column[rows] for name, column in self.conditions.items()})
-            for index, observable in enumerate(self.observables)
-            if (rows := np.flatnonzero(self.which == index)).size
-        )
+        pairs = ((each, np.flatnonzero(self.which == k)) for k, each in enumerate(self.observables))
+        return tuple((each, rows, pick_rows(self.conditions, rows)) for each, rows in pairs if rows.size)
 
     def predict_on_scale(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
         """Values (r, n) on the comparison scale at calibrated numbers x, with some effects acting."""
@@ -84,8 +81,8 @@ class Predictor:
         parameters, effects = self.parameters_and_strengths(x, acting)
         result = np.empty((seeds.size, self.which.size))
         for observable, rows, chosen in self.row_requests:
-            strengths: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
-            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(strengths), seeds)
+            strengths = effects | pick_rows(doses or {}, rows)
+            answer = self.model(observable.name, dict(chosen), dict(parameters), strengths, seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         self.cost.runs += int(seeds.size * self.which.size)
         return np.where(np.isfinite(result), result, np.nan)
@@ -100,10 +97,7 @@ class Predictor:
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
         parameters, effects = self.parameters_and_strengths(x, acting)
-        queries = [
-            (observable, dict(chosen), {name: dose[rows] for name, dose in (doses or {}).items()})
-            for observable, rows, chosen in self.row_requests
-        ]
+        queries = [(each, dict(at), pick_rows(doses or {}, rows)) for each, rows, at in self.row_requests]
         order = np.argsort(np.concatenate([rows for _, rows, _ in self.row_requests]))
         whole = np.nan_to_num(self.uncertainty(queries, parameters, effects))[np.ix_(order, order)]
         return matrix_root(whole, order.size if exact is None else exact, NEGLIGIBLE)
