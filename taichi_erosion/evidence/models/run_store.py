@@ -87,10 +87,10 @@ class FunctionModel:
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Values [seed, row], instruments in order of name; rows of the same doses are asked together."""
-        acting = {name: effects[name] for name in sorted(self.effects) if effects.get(name, 0.0) != 0.0}
+        acting = [(self.effects[n], effects[n]) for n in sorted(self.effects) if effects.get(n, 0.0) != 0.0]
         inside = {name: strength for name, strength in effects.items() if name not in self.effects}
         doses: dict[str, Floats] = {}
-        for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
+        for law, strength in acting:
             if law.place != "instrument":
                 before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
                 doses[law.mechanism] = before + strength * dose_of_rows(law, conditions)
@@ -104,9 +104,9 @@ class FunctionModel:
                 values[:, rows] = self.values_by_store(observable, there, parameters, dosed, seeds)
         else:
             values = self.values_by_store(observable, conditions, parameters, inside, seeds)
-        for name, strength in acting.items():
-            if self.effects[name].place == "instrument":
-                values = apply_instrument_effect(self.effects[name], strength, conditions, observable, values)
+        for effect, strength in acting:
+            if effect.place == "instrument":
+                values = apply_instrument_effect(effect, strength, conditions, observable, values)
         return values
 
     def values_by_store(

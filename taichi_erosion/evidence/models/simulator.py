@@ -72,8 +72,7 @@ class Simulator:
         effects: Mapping[str, float],
     ) -> tuple[str, ...]:
         """PATH=VALUE overrides of one run."""
-        scene, able = measure.scene, self.can_act
-        acting = {name: psi for name, psi in effects.items() if psi != 0.0 and able(name, scene, at)}
+        acting = {n: psi for n, psi in effects.items() if psi != 0.0 and self.can_act(n, measure.scene, at)}
         present = {*acting, *self.effects_acting_in_scene(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         finite = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
@@ -118,8 +117,7 @@ class Simulator:
     def stated_columns(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
         section = self.load_scene_at(scene).conditions
-        rows = row_count(columns)
-        conditions = {name: np.full(rows, value) for name, value in section.values_in_si().items()}
+        conditions = {name: np.full(row_count(columns), x) for name, x in section.values_in_si().items()}
         for path, column in columns.items():
             name = condition_name_of_dotted_path(path)
             if name is not None and bool(np.isfinite(column).any()):
