@@ -126,18 +126,17 @@ def draw_vault_units(
     remaining = free & ~visible
     before, crossings = varying_pairs(measurements, remaining), crossed_levels(measurements, remaining, 3)
     among, vault_counts = (count_units(measurements, units, rows) for rows in (free, free & visible))
-    quota = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - vault_counts[k] for k, n in among.items()}
+    quota = {name: round(fraction * n) if n >= FEWEST_UNITS else 0 for name, n in among.items()}
     vault_units: set[Unit] = set()
     for unit in (each for each in order if each in observables_of):
         without = remaining & (unit_of_row != numbers[unit])
         enough = distinct_row_count(measurements, cells, without) >= least
         enough = enough and varying_pairs(measurements, without) == before
         identified = enough and crossings <= crossed_levels(measurements, without, 2)
-        if identified and all(quota[name] > 0 for name in observables_of[unit]):
+        if identified and all(vault_counts[name] < quota[name] for name in observables_of[unit]):
             vault_units.add(unit)
             remaining = without
-            for name in observables_of[unit]:
-                quota[name] -= 1
+            vault_counts.update(observables_of[unit])
     return vault_units
 
 
