@@ -112,9 +112,8 @@ class ComparisonRows:
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
-    names, table = sorted(set(table.observable)), replace(table, line=table.table_line_numbers)
+    names, observable = sorted(set(table.observable)), np.array(table.observable)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
-    observable = np.array(table.observable)
     tables = (table.pick_rows_at(np.flatnonzero(observable == name)) for name in names)
     rows = join_rows([merge_repeats(observables, index, each) for index, each in enumerate(tables)])
     scatters = [noise.scatter for noise in rows.noise.values()]
@@ -181,7 +180,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[each].tolist()) for each in members),
         unmerged=tuple(gross_repeat_disagreements(observable, table, exact, cell, scatter.off)),
-        condition_sd={name: column[first] for name, column in table.condition_sd.items()},
+        condition_sd=first_rows.condition_sd,
     )
 
 

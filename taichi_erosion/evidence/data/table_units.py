@@ -51,10 +51,10 @@ class TableUnits:
         """Number of a condition."""
         return self.conditions.get(name, Scale()).to_unit_of_table(number)
 
-    def value_text(self, observable: str, number: float, digits: int = 3) -> str:
+    def value_text(self, observable: str, number: float) -> str:
         """`25.3 cm/s`."""
         scale = self.values.get(observable, Scale())
-        return with_unit(plain(number / scale.factor, digits), unit_or_empty(scale))
+        return with_unit(plain(number / scale.factor), scale.unit)
 
     def condition_text(self, name: str, number: float) -> str:
         """`230 um`."""

@@ -132,10 +132,9 @@ def settle_columns(columns: Sequence[Column], reading: Reading, measured: bool) 
         if not column.firm and name in first:
             as_first = {key: getattr(first[name], key) for key in ("role", "name", "title", "unread")}
             column = replace(column, **as_first, near="", firm=True)
-        settled_column = settle_column(column, reading, measured)
+        settled.append(settle_column(column, reading, measured))
         if column.numeric and not column.firm and name != plain_words(column.heading.name):
-            first[name] = settled_column
-        settled.append(settled_column)
+            first[name] = settled[-1]
     return settled
 
 
