@@ -135,8 +135,8 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     """
     rows = comparison_rows(problem, table)
     axes = *map(transforms.parameter_axis, problem.parameters), *map(transforms.adopted_axis, problem.adopted)
-    place = rows.observables, rows.which, rows.conditions
-    predictor = Predictor(problem.model, *place, axes, problem.candidates, problem.uncertainty)
+    columns = rows.observables, rows.which, rows.conditions
+    predictor = Predictor(problem.model, *columns, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
     values = predictor.predict_on_scale(start, {}, random_seeds(generator, PROBE_SEEDS))
