@@ -87,11 +87,12 @@ def discovery_cost(study: Study) -> dict[str, Any]:
 
 def plan_cost_without_new_ledger(planned: TrainingRuns) -> PlanCost:
     """Cost of a plan; a study that has no ledger gets none by the question."""
-    rounds = planned.plan_size.rounds
-    if planned.simulator.folder.exists():
-        return plan_cost(planned, rounds, MOST_POINTS)
     with TemporaryDirectory() as folder:
-        simulator = replace(planned.simulator, folder=Path(folder), ledger=None)
-        cost = plan_cost(replace(planned, simulator=simulator), rounds, MOST_POINTS)
-        close_ledger(simulator.shared_ledger())
+        simulator = planned.simulator
+        if is_new := not simulator.folder.exists():
+            simulator = replace(simulator, folder=Path(folder), ledger=None)
+        rounds = planned.plan_size.rounds
+        cost = plan_cost(replace(planned, simulator=simulator), rounds, MOST_POINTS, missing=True)
+        if is_new:
+            close_ledger(simulator.shared_ledger())
     return cost

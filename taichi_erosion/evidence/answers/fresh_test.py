@@ -233,13 +233,11 @@ def most_discriminating_rows(race: Race, campaign: FreshCampaign) -> Integers:
 def after_runs(decision: Decision, part: FreshPart) -> Decision:
     """The decision with mechanisms as runs show them: one that they do not confirm, beside its runner-up.
 
-    That alone where they leave SURE to it. None where they contradict it and leave more than chance to the
-    model without effects, and none where the runner-up is a set.
+    None where they contradict it and leave more than chance to the model without effects, and none where the
+    runner-up is a set.
     """
     if not decision.acting_mechanisms or part.outcome == "confirmed":
         return decision
-    if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in decision.beyond:
-        return replace(decision, acting_mechanisms=part.rival, together=False)
     tested, neither = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
     if (part.outcome == "contradicted" and neither > 1.0 - SURE) or len(part.rival) > 1:
         verdict: Verdict = "outside_library" if decision.unlisted >= SURE else "none_detected"

@@ -175,7 +175,9 @@ def answer_by_plan(
     key = f"{study.fresh}{question.name} {budget}"
     runs, own_rounds, earlier = add_stored_rounds(first, key)
     room = max(runs.plan_size.rounds - len(own_rounds), 0)
-    cost = plan_cost(runs, room, question.most_points, run_limit(runs, question, own_rounds, key))
+    cost = plan_cost(
+        runs, room, question.most_points, run_limit(runs, question, own_rounds, key), question.missing
+    )
     if cost.seconds >= WORTH_TELLING:
         study.options.announce(cost.cost_text)
     phases, phase = cost.phases, 0

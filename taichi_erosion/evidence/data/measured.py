@@ -386,7 +386,8 @@ def value_faults(
     near_own = usual_value > 0.0 and all(low <= used <= high for *_, used in odd)
     if not wrong and usual and meanings and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
-    hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else ""
+    hint = ", or rename the column if it holds another quantity"
+    hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else hint
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"

@@ -11,7 +11,8 @@ from taichi_erosion.campaign.execute import seconds_per_work
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, runs_left_by_cap, runs_to_make
+from taichi_erosion.evidence.emulator import training_runs
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem, usual_count_of_settings
 from taichi_erosion.tables.number_words import count_noun
@@ -34,6 +35,7 @@ class PlanCost:
     fresh: int  # at most, with which the answer ends
     workers: int
     phases: tuple[float, ...]  # expected seconds of runs and statistics in turn
+    mechanisms: int  # runs of mechanisms, that may follow
 
     @property
     def seconds(self) -> float:
@@ -51,36 +53,45 @@ class PlanCost:
         later = " and ".join([rounds] * bool(self.later) + [fresh] * bool(self.fresh))
         later = f", then {later}" * bool(later)
         cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
-        return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{stored}."
+        more = f" Where no listed effect suffices, {self.mechanisms} more are made." * bool(self.mechanisms)
+        time = f"at most about {span(self.seconds)} on {cores}"
+        return f"{self.first} runs to make{later}: {time}{stored}.{more}"
 
 
-def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
-    """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
-    runs, requests, _ = runs_to_make(training)
+def plan_cost(
+    training: TrainingRuns, rounds: int, points: int, fresh: int = 0, missing: bool = False
+) -> PlanCost:
+    """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end.
+
+    `missing`: it is asked what is missing, and mechanisms may be simulated after these.
+    """
+    runs, requests, _ = training_runs.runs_to_make(training)
     effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
     by_key = {request.key: request for request in requests}
     ledger = finished_runs(training.simulator.shared_ledger(), list(by_key))
-    missing = [request for key, request in by_key.items() if key not in ledger]
+    lacking = [request for key, request in by_key.items() if key not in ledger]
     workers = training.study.file.campaign.workers or usable_cores()
-    if any(request.arch != "cpu" for request in missing):
+    if any(request.arch != "cpu" for request in lacking):
         workers = 1  # holds the device
     second, kinds = seconds_per_work(by_key, ledger) / workers, {effects[key] for key in ledger}
     done_of = {each: {key: ledger[key] for key in ledger if effects[key] == each} for each in kinds}
     seconds_of = {each: seconds_per_work(by_key, part) / workers for each, part in done_of.items()}
-    room = max(runs_left_by_cap(training), 0)
+    room = max(training_runs.runs_left_by_cap(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
     rounds = min(rounds, room // size) if size else 0
     fresh = min(fresh, room - rounds * size)
     mean = sum(request.work for request in by_key.values()) / max(len(by_key), 1)
-    groups, answer = len({request.group for request in missing}), ANSWER * len(by_key)
-    first = sum(seconds_of.get(effects[each.key], second) * each.work for each in missing)
+    groups, answer = len({request.group for request in lacking}), ANSWER * len(by_key)
+    first = sum(seconds_of.get(effects[each.key], second) * each.work for each in lacking)
     first += START * ceil(groups / workers)
     round_s = second * mean * size + START * ceil(ensembles / workers)
     phases = [first, answer, *[round_s, answer] * rounds]
     phases += [second * mean * fresh + START] if fresh else []
-    processes = min(workers, max(len(missing), size, 1))
-    return PlanCost(len(ledger), len(missing), rounds * size, rounds, fresh, processes, tuple(phases))
+    processes = min(workers, max(len(lacking), size, 1))
+    wider = training_runs.add_dose_runs(training) if missing and not training.mechanisms else training
+    counts = len(ledger), len(lacking), rounds * size, rounds, fresh, processes
+    return PlanCost(*counts, tuple(phases), len(wider.runs) - len(training.runs))
 
 
 def cost_in_words(study: Study, candidates: int) -> str:

@@ -154,7 +154,7 @@ def infer(
     race = Race(prepared, RaceModel(prepared, most, progress, priors))
     try:
         search_effect_sets(race)
-        if problem.mechanisms and has_unexplained_misfit(race):
+        if problem.mechanisms and (problem.dosed_by_row or has_unexplained_misfit(race)):
             fit_all_mechanisms(race)
     except BudgetSpentError:
         race.out_of_budget = True

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -27,13 +28,14 @@ from taichi_erosion.evidence.answers.fresh_test import (
     run_setting,
 )
 from taichi_erosion.evidence.answers.set_up import small_heap_faults
-from taichi_erosion.evidence.data.problem import SetUpFault
+from taichi_erosion.evidence.data.problem import Mechanism, SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOptions
 from taichi_erosion.evidence.models.simulator import row_at
+from taichi_erosion.evidence.race import posterior
 from taichi_erosion.evidence.race.decision import decide_cause
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
@@ -163,6 +165,15 @@ def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     assert all(len(point.effects) > 1 for point in several)
 
 
+def test_mechanisms_of_which_runs_are_there_enter_the_race_though_the_misfit_may_be_chance(monkeypatch):
+    race = Mock()
+    monkeypatch.setattr(posterior, "fit_all_mechanisms", race)
+    problem = replace(FAMILIES["clean"](4242, NULL).problem, mechanisms=(Mechanism("stiffness", 0.0, 1.0),))
+    for by_row in (False, True):  # a function, that is run for them, and an emulator
+        infer(replace(problem, dosed_by_row=by_row), NULL)
+        assert race.call_count == by_row
+
+
 SEEDS, calls = 2, list[tuple[int, int, int]]()  # times the seeds, rows and settings of every call
 SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
 
@@ -215,8 +226,9 @@ def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_it
     told = run_setting(p.race, p.best_fit)
     assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
     assert len({own[name] for _, own in told.doses}) > 3
-    rival = FreshPart("undecided", (name,), simulated=0.3, rival=("lift",), rivals=0.65)
-    assert after_runs(found.decision, rival).acting_mechanisms == ("lift", name)
+    for shares in ((0.3, 0.65), (0.03, 0.97)):  # a table and a few runs that differ leave both
+        rival = FreshPart("contradicted", (name,), simulated=shares[0], rival=("lift",), rivals=shares[1])
+        assert after_runs(found.decision, rival).acting_mechanisms == ("lift", name)
 
 
 def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_most():
@@ -238,16 +250,6 @@ def test_further_seeds_take_the_place_of_the_rows_of_their_set():
     np.testing.assert_array_equal(both.row_means, [1.0, 6.0, 3.0])
     np.testing.assert_array_equal(np.linalg.norm(both.columns, axis=1), [1.0, 0.5, 1.0])
     assert both.tests is SIMILAR
-
-
-def test_a_mechanism_to_which_fresh_runs_leave_the_sure_share_is_told_alone():
-    found = on_function(*MECHANISM)
-    left = next(name for name in found.decision.beyond if name not in found.decision.acting_mechanisms)
-    names = found.decision.acting_mechanisms
-    part = FreshPart("undecided", names, simulated=0.03, rival=(left,), rivals=0.95)
-    assert after_runs(found.decision, part).acting_mechanisms == (left,)
-    doubtful = replace(part, simulated=0.4, rivals=0.55)
-    assert after_runs(found.decision, doubtful).acting_mechanisms == (left, *found.decision.acting_mechanisms)
 
 
 @pytest.mark.parametrize(("share", "never"), [(1.0, "contradicted"), (0.0, "confirmed")])

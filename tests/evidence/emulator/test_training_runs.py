@@ -157,6 +157,7 @@ def test_a_quick_discovery_takes_about_a_hundred_runs_whose_cost_is_told_before_
     assert first == len(set(loop.runs["discover"][0]))
     assert count <= first + later + tests
     assert re.search(r"at most about [\d.]+ (s|min|h) on \d+ process", loop.cost)
+    assert "Where no listed effect suffices, 132 more are made." in loop.cost, "11 times 12"
 
 
 def test_new_simulations_with_seeds_of_their_own_bear_a_right_name_out_and_train_nothing(loop):
