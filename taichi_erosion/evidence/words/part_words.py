@@ -144,9 +144,10 @@ def failure_text(record: Record) -> str:
     rows = row_count_text(record)
     if record.chi2_per_row_before > 1.0 or record.p_lack_of_fit < ADEQUATE or worst_places(record):
         return f"fails on {rows}"
-    if any(each.kind == "group" for each in record.errors) or not record.parameters:
-        return f"follows {rows}, by set-ups that differ more than is usual"
     numbers = {name: (part.before.value, part.start) for name, part in record.parameters.items()}
+    numbers = {name: ends for name, ends in numbers.items() if min(ends) > 0.0}  # no adopted strengths
+    if any(each.kind == "group" for each in record.errors) or not numbers:
+        return f"follows {rows}, by levels or set-ups that differ more than is usual"
     name = max(numbers, key=lambda each: abs(np.log(np.divide(*numbers[each]))))
     ends, title = [plain(number, 3) for number in numbers[name]], say.in_words(name.rpartition(".")[2])
     return f"follows {rows}, by an unusual {title}, {' where about '.join(ends)} is expected"
