@@ -70,7 +70,7 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
     symbol = re.compile(r"(?<![α-ω\u0301])[α-ω](?![α-ω\u0301])")
     micro = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`
     latin = symbol.sub(lambda sign: unicodedata.name(sign[0]).split()[-1].lower(), micro)
-    signs = (x if f"a{x}".isidentifier() else " " for x in unicodedata.normalize("NFKC", latin))
+    signs = (x if f"a{x}".isidentifier() and x != "·" else " " for x in unicodedata.normalize("NFKC", latin))
     plain = re.sub(r"[\s_]+", "_", "".join(signs).strip(" _"))[:40].strip("_")
     plain = plain if plain[:1].isalpha() else f"column_{plain or place + 1}"
     return f"column_{place + 1}" if plain in others else plain
@@ -125,7 +125,7 @@ def why_column_is_no_condition(
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
-    if same:
+    if same and not is_dose(heading):
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
@@ -185,11 +185,17 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
     return variance_left_by_parabola(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
+def is_dose(heading: str) -> bool:
+    """Whether a column is in the unit of a dose, an age or a temperature."""
+    unit = read_heading(heading).unit
+    return unit is not None and parse_scale(unit).kind in {parse_unit(each).kind for each in SET_UNITS}
+
+
 def is_set_by_hand(heading: str, values: Floats) -> bool:
     """Whether a column is of even steps, of round numbers from a control of 0, or of no result's unit."""
     levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
     kind = parse_scale(unit).kind if unit else ()
-    if kind in {parse_unit(each).kind for each in SET_UNITS}:
+    if is_dose(heading):
         return True
     is_round = all(x == float(f"{x:.1e}") for x in levels)
     if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:

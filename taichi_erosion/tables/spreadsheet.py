@@ -56,7 +56,10 @@ MARKED = re.compile(
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
-DITTO = re.compile(r"""["″〃”“„]|['’′]{2}|-+ ?["„”″] ?-+|ditto|idem|dito""", re.IGNORECASE)
+DITTO = re.compile(
+    r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
+    re.IGNORECASE,
+)
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
@@ -127,11 +130,12 @@ def name_tidy_columns(cells: Cells) -> Cells:
     if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(str.isidentifier, columns[long[0]])):
         return cells
     for column, heading in zip(columns, map(read_heading, cells.heading), strict=True):
-        role, name = meaning_of(heading.name)
+        (role, name), (kind, symbol) = meaning_of(heading.name), meaning_of_symbol(heading)
+        unit = f" [{heading.unit}]" if heading.unit else ""
         if role in ("sd", "n", "group", "source", "remark"):
-            column[0] = role
-        elif role == "condition" and not re.search(r"[^\W\d_]{3}", heading.name):  # `u*`
-            column[0] = f"{name.rpartition('.')[2]} [{heading.unit}]"
+            column[0] = role + unit * (role == "sd")
+        elif kind == "condition" or (role == "condition" and not re.search(r"[^\W\d_]{3}", heading.name)):
+            column[0] = (symbol or name).rpartition(".")[2] + unit  # of `d [mm]` or `u*`
     columns[long[0]] = ["observable", *(name for _, name in meanings[long[0]])]
     lines = (line for line, _ in cells.rows)
     return replace(cells, rows=tuple(zip(lines, zip(*columns, strict=True), strict=True)))

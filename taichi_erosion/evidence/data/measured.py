@@ -75,7 +75,7 @@ def read_rows(
     names = [cell.partition("[")[0].strip().lower() for cell in cells.heading]
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
-        faults += [f"--sd {text}: this table has a column 'sd' for it" for text in options.sd]
+        faults += [f"--sd {text}: write it in a column 'sd' of this table" for text in options.sd]
         interview.assume(*cells.notes)
         return None if tidy is None else table_from_cells(cells, tidy, faults, options)
     if not cells.lines:

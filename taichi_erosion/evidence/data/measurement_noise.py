@@ -53,6 +53,7 @@ class Scatter:
     p: float  # of a factor as far from 1 by chance; NaN without repeated rows
     pure: tuple[float, float]  # squares between repeats over these variances, degrees of freedom
     off: Bools  # rows that disagree grossly with their repeats
+    by_blocks: bool = False  # set-ups stand for repeats
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ def measurement_scatter(
     `cell` is equal for rows that repeat one another; `shapes` are the ways in which sd may vary over the
     rows, on the comparison scale, the likeliest first. `design` (4, n) numbers each row's set-up under its
     conditions, block, set-up and conditions: where neither sd nor repeats state the scatter, it is what
-    levels of the first two leave, else, of three set-ups and more, those of the last three.
+    levels of the first two leave, else, of three set-ups and more, those of the last three, each set-up
+    with a slope of its own along the means of the conditions.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
@@ -165,26 +167,38 @@ def measurement_scatter(
         return scale_variance_by_repeats(variance, squares, between, own_variance, off)
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
-    designs = () if design is None else (design[:2], design[1:])[: 1 + (design[2].max(initial=0.0) > 1.0)]
-    for levels in designs:
-        if freedom < LEAST_FREEDOM:
-            squares, freedom = block_design_squares(z, repeats, levels)
+    by_blocks = False
+    if design is not None and freedom < LEAST_FREEDOM:
+        squares, freedom = block_design_squares(z, repeats, design[:2])
+        if by_blocks := freedom < LEAST_FREEDOM and bool(design[2].max(initial=0.0) > 1.0):
+            squares, freedom = block_design_squares(z, repeats, design[1:], responding=design[2])
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
-    return Scatter(variance, 0.0, own_variance, nan, nan, (max(own_variance - 2.0, 0.0), own_variance), off)
+    pure = max(own_variance - 2.0, 0.0), own_variance
+    return Scatter(variance, 0.0, own_variance, nan, nan, pure, off, by_blocks)
 
 
-def block_design_squares(z: Floats, weight: Floats, design: Floats) -> tuple[float, int]:
+def block_design_squares(
+    z: Floats, weight: Floats, design: Floats, responding: Floats | None = None
+) -> tuple[float, int]:
     """Squares that levels of set-ups and of blocks leave, and their degrees of freedom.
 
-    Reference: Montgomery (2013), Design and Analysis of Experiments, 4.1 (randomised blocks).
+    `responding`: blocks that may follow the last levels in their own proportions, b_i + s_i m_j.
+
+    References: Montgomery (2013), Design and Analysis of Experiments, 4.1 (randomised blocks); Mandel (1961),
+    J. Am. Stat. Assoc. 56, 878 (a slope for each block).
     """
     finite = np.isfinite(z)
-    masks = np.hstack([column[finite, np.newaxis] == np.unique(column[finite]) for column in design])
-    root = np.sqrt(weight[finite])
-    y, levels = root * z[finite], root[:, np.newaxis] * masks
+    masks = [(column[:, np.newaxis] == np.unique(column[finite]))[finite] for column in design]
+    root = np.sqrt(weight[finite])[:, np.newaxis]
+    y, levels = root[:, 0] * z[finite], root * np.hstack(masks)
     best, _, rank, _ = np.linalg.lstsq(levels, y)
+    if responding is not None:
+        mean = masks[-1] @ best[-masks[-1].shape[1] :]
+        blocks = (responding[:, np.newaxis] == np.unique(responding[finite]))[finite]
+        levels = np.hstack([levels, root * blocks * (mean - mean.mean())[:, np.newaxis]])
+        best, _, rank, _ = np.linalg.lstsq(levels, y, rcond=1e-9)
     return float(np.sum((y - levels @ best) ** 2)), int(y.size - rank)
 
 

@@ -19,6 +19,7 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.fit import Fit
 from taichi_erosion.evidence.race.priors import ADEQUATE
 
+PREPARED = ("preparation", "batch")  # kinds of blocks
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # of a normal distribution
 
 
@@ -28,7 +29,7 @@ def fit_residual(fit: Fit) -> Floats:
     What repeats of one set-up have in common is part of it: a preparation would take any lack of fit.
     """
     now = fit.evidence.solution
-    places = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "preparation")]
+    places = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", *PREPARED)]
     exclusions = np.isin(now.rows.block, places)
     return now.rows.y - now.rows.columns @ np.where(exclusions, 0.0, now.tau * now.centre)
 
@@ -58,7 +59,7 @@ def misfit_p_value(fit: Fit, levels: bool) -> float:
     Otherwise they have the size that their priors expect.
     """
     rows = fit.evidence.solution.rows
-    usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.count_scatters
+    usual = [b.kind in PREPARED or not levels for b in fit.blocks] + [True] * rows.count_scatters
     u = np.where(usual, rows.scales.initial, fit.scales)
     u[[k for k, block in enumerate(fit.blocks) if block.kind == "discrepancy"]] = -np.inf
     if fit.dose is not None:

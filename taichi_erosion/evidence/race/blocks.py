@@ -3,6 +3,7 @@
     level         one column per observable
     source        one column per source of each observable
     preparation   one column per set-up under the same conditions of each observable, where it is repeated
+    batch         one column per set of conditions, where set-ups stand for repeats
     group         numbers of the model that each soil or batch has for itself: its mask, times their slopes
     discrepancy   smooth function of the conditions of each observable, without its level:
                   k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH,
@@ -28,7 +29,7 @@ from taichi_erosion.evidence.models.predictor import axis_scale_of, matrix_root
 from taichi_erosion.evidence.race.linear_evidence import Scales, one_scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
-Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
+Kind = Literal["level", "source", "preparation", "batch", "group", "discrepancy", "unlisted", "dose"]
 EACH_SET_UP = "each_set_up"  # differs for itself, along no condition
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
@@ -89,6 +90,9 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
     source, set_up = one_scale("source", cauchy=near), one_scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
     kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
+    if any(noise.scatter.by_blocks for noise in rows.noise.values()):
+        batch = one_scale("batch", normal=2.0 * near)
+        kinds = (*kinds, ("batch", list(map(str, condition_groups(rows))), batch))
     for kind, labels, prior in kinds:
         columns, names = label_masks(rows, is_known, labels)
         if names:
@@ -129,7 +133,9 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 def smooth_columns(rows: ComparisonRows, observable: str, mask: Bools, sd: float, along: str = "") -> Floats:
     """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance."""
     at = np.flatnonzero(np.array(rows.names) == observable)
-    fitted, group, by_set_up = mask[at], np.array(rows.group)[at], along == EACH_SET_UP
+    fitted, by_set_up = mask[at], along == EACH_SET_UP
+    by_blocks = observable in rows.noise and rows.noise[observable].scatter.by_blocks
+    group = (condition_groups(rows) if by_blocks else np.array(rows.group))[at]
     kernel = np.where(by_set_up, group[:, None] == group, 1.0)
     for name in () if by_set_up else [along] if along else rows.conditions:
         column = rows.conditions[name][at]

@@ -145,9 +145,16 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
 def imitates(column: Floats, change: Floats) -> bool:
     """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
 
-    Rows alike in both count once: repeats show nothing of it.
+    Or one that rises or falls with the change at every set-up: both say the same. Rows alike in both count
+    once: repeats show nothing of it.
     """
     column, change = np.unique([np.nan_to_num(column), change], axis=1)
+    if (
+        (steps := np.diff(column)).size > 1
+        and np.all(steps > 0.0)
+        and abs(np.sign(np.diff(change)).sum()) == steps.size
+    ):
+        return True
     same = np.zeros(change.size)
     acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT
     return bool(acts) and variance_left_by_parabola(change, column, same) < 1.0 - SHARED

@@ -208,7 +208,7 @@ class Race:
         rows, extra = self.linear(at)
         starts = [rows.scales.initial if start is None else start]
         if fresh:  # a large scatter is an optimum too, where rows share their errors
-            shared = np.isin(rows.scales.names, ("source", "preparation", "group"))
+            shared = np.isin(rows.scales.names, ("source", "preparation", "batch", "group"))
             starts += [rows.scales.initial + size * shared for size in (0.0, 3.0)]
         solution = max((row_evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}

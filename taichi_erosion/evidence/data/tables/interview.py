@@ -65,6 +65,7 @@ from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
 STANDARD_ERROR = re.compile(
     r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
 )
+SEVERAL_SD = re.compile(r"(?i)(?<![\d.,])(?:[2-9]|1[.,]96)\s*(?:σ|sigma|s\.?d\b|std|standard dev)")
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
 SPREADS = {"sd": "the standard deviation of single repeats", "se": "the standard error of their mean"}
 SPREADS |= {NOT_USED: "not used"}
@@ -87,6 +88,9 @@ def understand_columns(
     if signs and STANDARD_ERROR.search(cells.titles):
         remedy = "write a column 'SE' with n, or the sd of repeats"
         faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
+    texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
+    if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
+        faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
     interview.assume(*cells.notes)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()

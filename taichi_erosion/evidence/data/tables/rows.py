@@ -122,6 +122,8 @@ def tidy_columns(cells: Cells) -> list[Column]:
         role: Role = "condition_sd" if error else ROLES.get(name, "condition")
         if heading.unreadable:
             faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
+        elif meaning_of(name)[0] in ("se", "cv", "spread"):
+            faults.append(f"{where}: write the sd of single repeats, in a column 'sd'; SE is sd / n^1/2")
         elif heading.unit and role not in ("condition", "condition_sd", "remark"):
             faults.append(f"{where}: the unit of values stands in column 'unit'")
         if any((name, role) == (each.title, each.role) for each in columns):
