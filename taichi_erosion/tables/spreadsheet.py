@@ -132,7 +132,9 @@ def name_tidy_columns(cells: Cells) -> Cells:
     for column, heading in zip(columns, map(read_heading, cells.heading), strict=True):
         (role, name), (kind, symbol) = meaning_of(heading.name), meaning_of_symbol(heading)
         unit = f" [{heading.unit}]" if heading.unit else ""
-        if role in ("sd", "n", "group", "source", "remark"):
+        if (word := plain_words(heading.name)) in ("value", "unit"):
+            column[0] = word
+        elif role in ("sd", "n", "group", "source", "remark"):
             column[0] = role + unit * (role == "sd")
         elif kind == "condition" or (role == "condition" and not re.search(r"[^\W\d_]{3}", heading.name)):
             column[0] = (symbol or name).rpartition(".")[2] + unit  # of `d [mm]` or `u*`
