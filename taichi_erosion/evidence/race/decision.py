@@ -145,15 +145,12 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
 def imitates(column: Floats, change: Floats) -> bool:
     """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
 
-    Or one that rises or falls with the change at every set-up: both say the same. Rows alike in both count
-    once: repeats show nothing of it.
+    Or a condition that rises or falls with the change at every step: of four, by chance at p = 2 / 5!; a dose
+    with a control is set, and takes two. Rows alike in both count once: repeats show nothing of it.
     """
     column, change = np.unique([np.nan_to_num(column), change], axis=1)
-    if (
-        (steps := np.diff(column)).size > 1
-        and np.all(steps > 0.0)
-        and abs(np.sign(np.diff(change)).sum()) == steps.size
-    ):
+    steps, turns = np.diff(column), np.sign(np.diff(change))
+    if np.all(steps > 0.0) and abs(turns.sum()) == steps.size >= (2 if column[0] == 0.0 else 4):
         return True
     same = np.zeros(change.size)
     acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT

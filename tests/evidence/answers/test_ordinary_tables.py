@@ -323,6 +323,7 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     assert "but so would clay fraction" in reply.answer().lines[0]
     change, column = np.array([0.0, 0.11, 0.17, 0.24]), np.array([1.52, 1.47, 1.44, 1.38])
     assert not imitates(np.repeat(column, 3), np.repeat(change, 3)), "repeats show nothing of it"
+    assert imitates(np.array([0.0, 20.0, 40.0, 60.0]), change), "a dose is set"
     (mixed := tmp_path / "mixed").mkdir()
     doses = zip(clay[3:] + clay[:3], moisture, speeds, strict=True)
     shuffled = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in doses]

@@ -110,22 +110,24 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
     assert found.own_freedom == 6.0
 
 
-def test_blocks_that_each_hold_every_set_up_once_state_the_scatter():
+@pytest.mark.parametrize("response", [0.0, 2.0])
+def test_blocks_that_each_hold_every_set_up_once_state_the_scatter(response):
     set_up, block = map(np.ravel, np.meshgrid(np.arange(6.0), np.arange(4.0)))
-    level, error = (
-        3.0 * set_up + np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)],
-        0.5 * (-1.0) ** (set_up + block),
+    level = 3.0 * set_up + np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)]
+    z = (
+        level
+        + response * set_up * (block == 1.0)
+        + 0.5 * np.array([1, -1, 0, 0, -1, 1])[set_up.astype(int)] * (-1) ** block
     )
-    args = level + error, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
+    args = z, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
     same, sample = np.zeros(24), np.minimum(block, 1.0)
-    designs = (
-        (set_up, block, same, set_up),
-        (24.0 * set_up + block, same, block, set_up),
-    )  # samples are blocks too
-    for design in designs:
-        scatter = measurement_noise.measurement_scatter(*args, np.array(design))
-        assert scatter.pure == (pytest.approx(13.0), 15.0)  # 5 x 3 degrees of freedom
-        assert scatter.variance[0] == pytest.approx(24 * 0.25 / 13.0)
+    by_blocks = np.array([24.0 * set_up + block, same, block, set_up])  # samples, of which one responds more
+    designs = [(by_blocks, 12.0), (np.array([set_up, block, same, set_up]), 15.0)][: 2 - bool(response)]
+    for design, freedom in designs:
+        scatter = measurement_noise.measurement_scatter(*args, design)
+        assert scatter.pure == (pytest.approx(freedom - 2.0), freedom)
+        assert scatter.variance[0] == pytest.approx(16 * 0.25 / (freedom - 2.0))
+        assert scatter.by_blocks == (freedom == 12.0)
     for design in (None, np.array([np.arange(24.0), same, sample, set_up])):  # of two soils it may be theirs
         assert np.isnan(measurement_noise.measurement_scatter(*args, design).variance).all()
 

@@ -418,8 +418,9 @@ def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
     assert measured(tmp_path, re.sub(r"(?m)^(T\d),", r"\1 mean,", text), "m.csv")[0].size == 5
 
 
-def test_a_ditto_mark_is_the_cell_above(tmp_path):
-    text = "moisture (%);angle of repose (deg);SD\n0;30;0.5\n'';31;〃\n1;32;0.4\nditto;33;0.4\n2;34;0.4\n"
+@pytest.mark.parametrize("mark", ["ditto", "do.", "dto.", '–"–', "同上", "↓"])
+def test_a_ditto_mark_is_the_cell_above(tmp_path, mark):
+    text = f"moisture (%);angle of repose (deg);SD\n0;30;0.5\n'';31;〃\n1;32;0.4\n{mark};33;0.4\n2;34;0.4\n"
     found, told = measured(tmp_path, text)
     assert ([*found.conditions["moisture"]], found.sd[1]) == ([0.0, 0.0, 0.01, 0.01, 0.02], 0.5)
     assert "ditto marks count as the cell above" in told
@@ -429,6 +430,7 @@ def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
     rows = "".join(f"{w};{30 + w} ± 0.5\n" for w in range(6))
     text = f"Angles, mean {{}} of five\nmoisture (%);angle of repose (deg)\n{rows}"
     assert "make ± a standard error" in refused(tmp_path, text.format("± SE"))
+    assert "± is '2 SD': write the sd of single repeats" in refused(tmp_path, text.format("± 2 SD"))
     assert np.all(measured(tmp_path, text.format("± SD"))[0].sd == 0.5)
 
 
@@ -461,11 +463,18 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     rows = [f"T{w},angle of repose,{30 + w},deg,0.6,4,{w}" for w in range(5)]
     rows += [f"T{w},threshold friction velocity,{0.25 + w / 50},m/s,0.01,4,{w}" for w in range(5)]
     head = f"site,{heading},value,unit,sd,n"
+    for sd, words in (
+        ("SE", "heading 'SE': write the sd of single"),
+        ("SD [rad]", "stands in column 'unit'"),
+    ):
+        assert words in refused(tmp_path, "\n".join([head.replace("sd", sd) + ",moisture [%]", *rows, ""]))
     found = measured(tmp_path, "\n".join([f"{head},moisture [%]", *rows, ""]))[0]
     assert {*found.observable} == {"repose_angle", "threshold_u_star"}
     assert (found.group[0], found.value[-1]) == ("T0", pytest.approx(0.33))
     flux = "\n".join([f"{head},u* [m/s]", *(f"A,sand flux,{k},g/(m s),0.1,4,0.{k}" for k in range(3, 8)), ""])
     assert "friction_velocity" in measured(tmp_path, flux, "flux.csv")[0].conditions
+    letters = flux.replace("sand flux", "repose angle").replace("g/(m s)", "deg").replace("u* [m/s]", "w (%)")
+    assert "moisture" in measured(tmp_path, letters.replace("value", "Value"), "w.csv")[0].conditions
 
 
 def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
