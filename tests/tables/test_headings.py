@@ -97,9 +97,8 @@ def test_a_letter_with_a_unit_of_another_quantity_has_no_meaning_of_its_own():
 def test_a_column_has_a_name_that_its_owner_knows_again():
     names = {"Γ": "gamma", "< 63 µm (%)": "below_63_um", "植被盖度": "植被盖度", "Плотность": "плотность"}
     names |= {"Υγρασία": "υγρασία", "मिट्टी": "मिट्टी", "Grün-Anteil": "grun_anteil", "10 min": "column_10_min"}
-    names |= {"MgCl2·6H2O (g/m2)": "mgcl2_6h2o"} | dict.fromkeys(
-        ["θ (m3/m3)", "theta_volumetric [m3/m3]"], "theta_volumetric"
-    )
+    names |= dict.fromkeys(["θ (m3/m3)", "theta_volumetric [m3/m3]"], "theta_volumetric")
+    names["MgCl2·6H2O (g/m2)"] = "mgcl2_6h2o"
     assert {heading: own_name(read_heading(heading).name, [], 2) for heading in names} == names
 
 

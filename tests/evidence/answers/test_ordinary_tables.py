@@ -305,10 +305,17 @@ def test_what_the_result_follows_alone_is_a_condition_though_it_differs_between_
     assert set(study_of(tmp_path, "", table).file.conditions) >= {"freeze_thaw_cycles", "moisture"}
 
 
+def test_a_preparation_that_samples_share_is_no_missing_effect(tmp_path):
+    wet, level = (0, 0.3, 0.6, 1, 1.5, 2.2, 3), 0.25 * np.array([0.97, 0.99, 1.1, 1.02, 1.05, 1.07, 0.98])
+    speeds = zip("ABC", level * np.random.default_rng(1).normal(1.0, 0.02, (3, 7)), strict=True)
+    rows = [f"{name};{w};{u:.3f}" for name, each in speeds for w, u in zip(wet, each, strict=True)]
+    table = "\n".join(["sample;moisture (%);u*t (m/s)", *rows, ""])
+    assert answer(study_of(tmp_path, "", table)).record.verdict == "none_detected"
+
+
 def test_numbers_of_samples_leave_the_soils_of_the_rows(tmp_path):
-    rows = [
-        f"{name};{4 * k + w + 1};{w};{30 + 2 * k + w};0.8;3" for k, name in enumerate("AB") for w in range(4)
-    ]
+    row = "{};{};{};{};0.8;3".format
+    rows = [row(name, 4 * k + w + 1, w, 30 + 2 * k + w) for k, name in enumerate("AB") for w in range(4)]
     table = "\n".join(["soil;sample no;moisture (%);angle of repose (deg);SD;n", *rows, ""])
     assert study_of(tmp_path, "", table).problem.measurements.group == ("A",) * 4 + ("B",) * 4
 

@@ -72,10 +72,8 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     assert [asked(study).about["vault_opened"] for _ in range(2)] == [2, 2], "one opening for one model"
     assert read_prediction(Path(after.about["results"]), Path(after.about["study"]).stem) is not None
     assert asked(study, bare=True).about["adopted"] == []
-    dry, wet = (
-        [row for row in reply.record.rows if row.observable == "threshold_u_star"][1]
-        for reply in (before, after)
-    )
+    rows = [[r for r in each.record.rows if r.observable == "threshold_u_star"] for each in (before, after)]
+    dry, wet = rows[0][1], rows[1][1]
     assert (wet.conditions["moisture"], wet.condition_units["moisture"]) == (2.0, "%")
     assert (wet.conditions["diameter"], wet.condition_units["diameter"]) == (300.0, "um")
     assert wet.high - wet.low < dry.high - dry.low, "what was missing is known now"

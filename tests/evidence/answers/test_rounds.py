@@ -139,9 +139,8 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
 
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     found = on_function(NULL)
-    doubtful, sure = (
-        replace(found, decision=replace(found.decision, probabilities={"none": p})) for p in (0.5, 0.95)
-    )
+    decisions = [replace(found.decision, probabilities={"none": p}) for p in (0.5, 0.95)]
+    doubtful, sure = (replace(found, decision=decision) for decision in decisions)
     shares = rounds.probability_of_sets(found.posterior)
     assert sum(shares.values()) == pytest.approx(1.0)
     bare, *others = rounds.likeliest_explanation_points(doubtful)

@@ -113,12 +113,9 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
 @pytest.mark.parametrize("response", [0.0, 2.0])
 def test_blocks_that_each_hold_every_set_up_once_state_the_scatter(response):
     set_up, block = map(np.ravel, np.meshgrid(np.arange(6.0), np.arange(4.0)))
-    level = 3.0 * set_up + np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)]
-    z = (
-        level
-        + response * set_up * (block == 1.0)
-        + 0.5 * np.array([1, -1, 0, 0, -1, 1])[set_up.astype(int)] * (-1) ** block
-    )
+    error = 0.5 * np.array([1, -1, 0, 0, -1, 1])[set_up.astype(int)] * (-1.0) ** block
+    blocks = np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)] + response * set_up * (block == 1.0)
+    z = 3.0 * set_up + blocks + error
     args = z, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
     same, sample = np.zeros(24), np.minimum(block, 1.0)
     by_blocks = np.array([24.0 * set_up + block, same, block, set_up])  # samples, of which one responds more

@@ -106,10 +106,8 @@ def test_what_is_wrong_with_a_study_is_told_in_one_line(tmp_path, old, new, told
 
 def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
     said = GOOD.replace("[observables.repose_angle]", "[observables.repose_angle]\nunit = 'rad'")
-    angles, degrees = (
-        load_study(write_study(tmp_path, {}, study=text)).problem.measurements.value[-1]
-        for text in (said, GOOD)
-    )
+    problems = [load_study(write_study(tmp_path, {}, study=text)).problem for text in (said, GOOD)]
+    angles, degrees = (problem.measurements.value[-1] for problem in problems)
     assert angles == pytest.approx(np.radians(degrees))
     assert not (tmp_path / "heap-results").exists(), "reading a study writes nothing"
 

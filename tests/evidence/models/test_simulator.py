@@ -58,10 +58,8 @@ def study(folder: Path, text: str = STUDY, options: StudyOptions = NO_OPTIONS):
 def overrides(folder: Path, friction: float = 0.12, **effects: float) -> list[tuple[str, ...]]:
     """What the runs of all rows set in the scene."""
     found = study(folder)
-    simulator, columns = (
-        found.simulator,
-        found.problem.model.model_conditions(found.problem.measurements.conditions),
-    )
+    simulator = found.simulator
+    columns = found.problem.model.model_conditions(found.problem.measurements.conditions)
     measure = simulator.measures["pile_height"]
     return [simulator.overrides(measure, row_at(columns, k), {FRICTION: friction}, effects) for k in range(3)]
 

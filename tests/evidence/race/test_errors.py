@@ -181,10 +181,8 @@ def off(acting: dict[str, float], factor: float = 0.0, **changes) -> problems.Pr
     if not factor:
         return replace(problem, measurements=replace(table, value=table.value + OFFSET))
     value = factor * np.exp(table.value)
-    table, logarithmic = (
-        replace(table, value=value, sd=value * table.sd),
-        {"y": problems.Observable("y", "log")},
-    )
+    table = replace(table, value=value, sd=value * table.sd)
+    logarithmic = {"y": problems.Observable("y", "log")}
     problem = replace(problem, measurements=table, observables=logarithmic)
     return replace(problem, model=lambda *asked: np.exp(linear(*asked)))
 

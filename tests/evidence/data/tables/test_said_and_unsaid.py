@@ -394,10 +394,8 @@ def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
 
 
 def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(tmp_path):
-    rows = "".join(
-        f"{d};{0.47 * d**0.5 + 0.01 * (k % 2):.3f};0.01;4\n"
-        for k, d in enumerate((0.12, 0.18, 0.25, 0.36, 0.5, 0.71))
-    )
+    sizes = {0.12: 0.0, 0.18: 0.01, 0.25: 0.0, 0.36: 0.01, 0.5: 0.0, 0.71: 0.01}
+    rows = "".join(f"{d};{0.47 * d**0.5 + more:.3f};0.01;4\n" for d, more in sizes.items())
     text = LONE.format("sieve mean (mm)") + rows
     assert "'sieve mean=grains.size.diameter'" in refused(tmp_path, text)
     assert "sieve_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
@@ -435,9 +433,8 @@ def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
 
 
 def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
-    rows = "".join(
-        f"T{k};{x};0.3;{30 + 0.2 * (x if x != '-' else 0)}\n" for k, x in enumerate(("-", 2, 5, 9, 20, 40))
-    )
+    doses = {"-": 0, "2": 2, "5": 5, "9": 9, "20": 20, "40": 40}
+    rows = "".join(f"T{x};{cell};0.3;{30 + 0.2 * x}\n" for cell, x in doses.items())
     text = "treatment;gum (g/m2);moisture (%);angle of repose (deg)\n" + rows
     assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions["gum"]) == 5
 
@@ -463,12 +460,10 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     rows = [f"T{w},angle of repose,{30 + w},deg,0.6,4,{w}" for w in range(5)]
     rows += [f"T{w},threshold friction velocity,{0.25 + w / 50},m/s,0.01,4,{w}" for w in range(5)]
     head = f"site,{heading},value,unit,sd,n"
-    for sd, words in (
-        ("SE", "heading 'SE': write the sd of single"),
-        ("SD [rad]", "stands in column 'unit'"),
-    ):
-        assert words in refused(tmp_path, "\n".join([head.replace("sd", sd) + ",moisture [%]", *rows, ""]))
-    found = measured(tmp_path, "\n".join([f"{head},moisture [%]", *rows, ""]))[0]
+    table = "\n".join([f"{head},moisture [%]", *rows, ""])
+    assert "'SE': write the sd of single" in refused(tmp_path, table.replace(",sd,", ",SE,"))
+    assert "stands in column 'unit'" in refused(tmp_path, table.replace(",sd,", ",SD [rad],"))
+    found = measured(tmp_path, table)[0]
     assert {*found.observable} == {"repose_angle", "threshold_u_star"}
     assert (found.group[0], found.value[-1]) == ("T0", pytest.approx(0.33))
     flux = "\n".join([f"{head},u* [m/s]", *(f"A,sand flux,{k},g/(m s),0.1,4,0.{k}" for k in range(3, 8)), ""])
@@ -502,12 +497,10 @@ def test_a_known_condition_is_computed_from_no_result(tmp_path):
 
 def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
     assert "outside [0.001, 10]" in refused(tmp_path, "moisture (%);u*t (m/s);SD\n0;0;0.01\n1;0.3;0.01\n")
-    assert "a scatter of 999" in refused(
-        tmp_path, "moisture (%);u*t (m/s);SD\n0;0.2;999\n1;0.3;0.01\n2;0.4;0.01\n"
-    )
-    assert "if 'Sand (in)' does" in refused(
-        tmp_path, "Sand (in);u*t (m/s);SD\n0.01;0.2;0.01\n0.03;0.3;0.01\n"
-    )
+    wide = "moisture (%);u*t (m/s);SD\n0;0.2;999\n1;0.3;0.01\n2;0.4;0.01\n"
+    assert "a scatter of 999" in refused(tmp_path, wide)
+    sand = "Sand (in);u*t (m/s);SD\n0.01;0.2;0.01\n0.03;0.3;0.01\n"
+    assert "if 'Sand (in)' does" in refused(tmp_path, sand)
     book, content = openpyxl.Workbook(), io.BytesIO()
     for row in (("moisture (%)", "angle of repose (deg)", "SD"), (0, 31, 0.5), (1, 90, 0.5), (2, 36, 0.5)):
         book.active.append(row)
@@ -538,11 +531,8 @@ def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_non
 
 
 def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(tmp_path):
-    repeats = (
-        np.random.default_rng(3)
-        .normal([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]], 0.01, (7, 3))
-        .round(3)
-    )
+    means = np.array([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]])
+    repeats = np.random.default_rng(3).normal(means, 0.01, (7, 3)).round(3)
     rows = [f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}" for w, u in enumerate(repeats)]
     text = "\n".join(["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows, ""])
     assert {*measured(tmp_path, text, diameter="0.2 mm")[0].conditions} == {"moisture", "diameter"}
