@@ -13,6 +13,7 @@ from taichi_erosion.scene import load_scene
 
 # conditions of a laboratory that a scene keeps for studies, and that none of its effects reads
 UNREAD = {"funnel_repose": ["conditions.moisture", "conditions.altitude"]}
+SHORT = [path for path in sorted(SCENES.glob("*.toml")) if path.stem != "million_grains"]  # of minutes
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
@@ -22,7 +23,7 @@ def test_a_shipped_scene_loads_builds_and_warns_of_unread_conditions_alone(path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHORT, ids=lambda path: path.stem)
 def test_a_run_of_a_shipped_scene_prints_no_other_warning(path: Path):
     warnings = run_warnings(run_scene(path, RunOptions(no_record=True)))
     kept = [line.partition(" = ")[0] for line in warnings if "fell off the plate" not in line]
