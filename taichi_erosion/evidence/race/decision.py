@@ -17,7 +17,7 @@ errors likely explanations are solved anew, with y' = y - X ln r / s for strengt
 Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-T).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from math import log
 
@@ -80,9 +80,8 @@ def decide_cause(posterior: Posterior) -> Decision:
     if (named or group) and not rows_do_not_refute(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     imitators = imitating_conditions(race, named, group)
-    named, group = (
-        ((), ()) if {*group} & {*imitators} else (tuple(n for n in named if n not in imitators), group)
-    )
+    left = tuple(name for name in named if name not in imitators)
+    named, group = ((), ()) if {*group} & {*imitators} else (left, group)
     single = sound if refuted or imitators or named else inclusion | sound
     leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
@@ -134,8 +133,8 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
     """Conditions that no effect reads of which a parabola makes what an effect does in these rows."""
     imitators, rows = {}, race.prepared.rows
     for name in (*named, *group):
-        rest = tuple(each for each in named if each != name)
-        fits = [race.fits.get(Hypothesis(tuple(sorted(names)))) for names in ((*rest, name), rest)]
+        whole = Hypothesis(tuple(sorted({*named, name})))
+        fits = [race.fits.get(each) for each in (whole, whole.without(name))]
         change = np.subtract(*(fit.mean if fit else race.bare.mean for fit in fits))
         alike = tuple(c for c in race.prepared.problem.unread if imitates(rows.conditions[c], change))
         imitators |= {name: alike} if alike else {}
@@ -169,10 +168,9 @@ def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:
     return race.fits[max([h for h in share if h.acting >= decision.core] or share, key=lambda h: share[h])]
 
 
-def any_acts(posterior: Posterior, names: Iterable[str]) -> float:
+def any_acts(posterior: Posterior, names: Sequence[str]) -> float:
     """Probability that one of some effects or mechanisms acts."""
-    subset = set(names)
-    return sum(p for h, p in posterior.probability.items() if subset & h.acting)
+    return sum(p for h, p in posterior.probability.items() if not h.acting.isdisjoint(names))
 
 
 def smallest_group(posterior: Posterior, names: Sequence[str], p: dict[str, float], most: int) -> Acting:

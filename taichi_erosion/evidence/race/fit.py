@@ -54,6 +54,10 @@ class Hypothesis:
         """What acts: effects, mechanisms, something unlisted."""
         return frozenset((*self.names, *self.extra))
 
+    def without(self, name: str) -> "Hypothesis":
+        """The same without one of its effects."""
+        return replace(self, names=tuple(each for each in self.names if each != name))
+
     def doses_of(self, w: Floats) -> Conditions:
         """Doses of every mechanism, from those of all on their axis."""
         return dict(zip(self.extra, axis_to_dose(w).reshape(len(self.extra), -1), strict=True))
@@ -158,8 +162,7 @@ def slips_of_decimal_point(rows: ComparisonRows, sd: Floats) -> Floats:
     for index, observable in enumerate(rows.observables):
         single = (rows.which == index) & ~rows.censored & [len(each) == 1 for each in rows.lines]
         value = from_scale(observable, rows.z[single])[:, np.newaxis] * np.array([0.1, 10.0])
-        gap = rows.z[single, np.newaxis] - to_scale(observable, value)
-        change[single] = gap / sd[single, np.newaxis]
+        change[single] = (rows.z[single, np.newaxis] - to_scale(observable, value)) / sd[single, np.newaxis]
     return change
 
 
@@ -188,15 +191,13 @@ class Race:
         p = self.prepared
         work, columns = p.working_residuals(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
-        numbers = at.jacobian[:, : self.model.count]
-        white = [p.whiten(columns_of(block, numbers)) for block in at.blocks]
+        white = [p.whiten(columns_of(block, at.jacobian[:, : self.model.count])) for block in at.blocks]
         shared = np.hstack([fixed, *white])
         shared[p.rows.censored] = 0.0
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
-        linear = jacobian @ at.v + dosed
+        y, x = work.residual + work.weight * (jacobian @ at.v + dosed), jacobian * work.weight[:, np.newaxis]
         scales = sum((b.scale for b in at.blocks), Scales.empty()) + self.scatter_scales
-        y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
         whole = np.hstack([x, shared])
         rows = LinearRows(y, whole, block, self.scatter, scales, np.ones(y.size), self.slips)
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
@@ -376,10 +377,10 @@ class Race:
 
     def fit_without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
         """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
-        names = tuple(each for each in parent.hypothesis.names if each != name)
-        at, hypothesis = self.model.count + parent.hypothesis.names.index(name), Hypothesis(names)
+        hypothesis = parent.hypothesis.without(name)
+        at = self.model.count + parent.hypothesis.names.index(name)
         v, jacobian = np.delete(parent.v, at), np.delete(parent.jacobian, at, axis=1)
-        mean = self.model.predict_mean(names, v)
+        mean = self.model.predict_mean(hypothesis.names, v)
         start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
         fit_known = self.fits.get(hypothesis)
         fit = self.optimise_setting(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else fit_known

@@ -65,9 +65,8 @@ class Scales:
 
     def __add__(self, other: "Scales") -> "Scales":
         """These scales, then others."""
-        fields = ("cauchy", "normal", "doubt")
-        joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields}
-        return Scales(self.names + other.names, **joined)
+        pairs = ((self.cauchy, other.cauchy), (self.normal, other.normal), (self.doubt, other.doubt))
+        return Scales(self.names + other.names, *map(np.concatenate, pairs))
 
 
 def one_scale(name: str, cauchy: float = np.nan, normal: float = np.nan, doubt: float = np.nan) -> Scales:

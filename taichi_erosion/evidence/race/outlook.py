@@ -29,7 +29,7 @@ from taichi_erosion.evidence.data.comparison_rows import (
     shared_error_columns,
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
-from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working_residuals
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
@@ -43,7 +43,7 @@ from taichi_erosion.evidence.race.posterior import Posterior, draw_scales
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
 from taichi_erosion.evidence.record import HeldOutPart, Interval
 
-SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
+SHARES = np.array([[0.5], [0.05], [0.95]])  # below the middle of an interval and its ends
 FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to it
 SLIP_GAP = 3.0  # largest gap, in sd, of a held-out row with a corrected decimal point
 
@@ -58,6 +58,11 @@ class JointRows:
     model: RaceModel
     runs: tuple[Bools, Floats, Floats] | None = None  # where runs answer (m,), their gap (m,), errors (m, q)
 
+    def scatter_ratio(self, solved: LinearPosterior) -> Floats:
+        """Scatter of these rows over what is stated (m,)."""
+        ln_scales = dict(zip(solved.rows.scales.names, solved.u, strict=True))
+        return np.exp([ln_scales.get(f"scatter {name}", 0.0) for name in self.rows.names])
+
 
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
     """New conditions as rows without a value, each with the scatter of one repeat.
@@ -67,12 +72,11 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
     rows, table = prepared.rows, prepared.problem.visible_rows()
     which, m = rows.observable_indices(wanted.observable), len(wanted.observable)
     names, counts = np.array(table.observable), np.where(table.n >= 1.0, table.n, 1.0)
-    repeats = [
-        counts[names == observable.name].sum() / max(int(np.sum(rows.which == k)), 1)
-        for k, observable in enumerate(rows.observables)
-    ]
-    noise = [rows.noise[observable.name] for observable in rows.observables]
-    variance = np.array([r * each.lab**2 + each.numerical**2 for r, each in zip(repeats, noise, strict=True)])
+    variance = np.zeros(len(rows.observables))
+    for k, observable in enumerate(rows.observables):
+        repeats = counts[names == observable.name].sum() / max(int(np.sum(rows.which == k)), 1)
+        noise = rows.noise[observable.name]
+        variance[k] = repeats * noise.lab**2 + noise.numerical**2
     first = rows.select_rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
     conditions = {name: wanted.conditions[name] for name in rows.conditions}
     exact = {name: np.full(m, np.nan) for name in rows.condition_sd}
@@ -176,17 +180,18 @@ class Forecast:
             middle = np.broadcast_to(0.5 * (low + high), (3, sd.shape[1]))
             less = self.weight @ special.ndtr((middle[:, np.newaxis] - self.centre) / sd) < SHARES
             low, high = np.where(less, middle, low), np.where(less, high, middle)
-        quantiles = []
-        for row, k in zip(low.T, self.rows.which, strict=True):
-            observable = self.rows.observables[k]
-            ends = from_scale(observable, row)
-            low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
-            quantiles.append(Interval(float(middle), float(low), float(high)))
-        return quantiles
+        pairs = zip(self.rows.which, low.T, strict=True)
+        return [interval_in_unit(self.rows.observables[k], z) for k, z in pairs]
 
     def share_below(self) -> Floats:
         """Share of one more measurement that lies below each measured value (m,)."""
         return self.weight @ special.ndtr((self.rows.z - self.centre) / self.new_value)
+
+
+def interval_in_unit(observable: Observable, z: Floats) -> Interval:
+    """Middle and ends of an interval on the comparison scale in the unit of an observable."""
+    least = 0.0 if observable.transform == "log_floor" else -np.inf
+    return Interval(*map(float, np.maximum(from_scale(observable, z), least)))
 
 
 def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
@@ -247,23 +252,17 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     return Outlook(solution, start, every, rows.block[~active], kinds[rows.block[order]])
 
 
-def scatter_ratio(place: JointRows, solved: LinearPosterior) -> Floats:
-    """Scatter of other rows over what is stated (m,)."""
-    evidence = dict(zip(solved.rows.scales.names, solved.u, strict=True))
-    return np.exp([evidence.get(f"scatter {name}", 0.0) for name in place.rows.names])
-
-
 def forecast(posterior: Posterior, place: JointRows) -> Forecast:
     """Other rows by every hypothesis that matters; NaN where one of them has no value."""
     random, parts = np.random.default_rng(SEED), []
     numerical = np.array([place.rows.noise[name].numerical for name in place.rows.names]) ** 2
     scatter = np.maximum(place.rows.variance - numerical, 0.0)
-    for h, p in posterior.likely_hypotheses.items():
+    for h, p in posterior.likely_hypotheses().items():
         view = outlook(place, place.race.fits[h])
         for now, _, weight in draw_scales(view.solution, p, random):
             at = replace(view, solution=now)
             mean = at.conditional_variance() + place.mean_variance + numerical
-            parts.append((weight, at.mean(), mean, mean + scatter_ratio(place, now) ** 2 * scatter))
+            parts.append((weight, at.mean(), mean, mean + place.scatter_ratio(now) ** 2 * scatter))
     weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
     return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
 
@@ -281,7 +280,7 @@ def leave_one_out_shares(posterior: Posterior) -> Floats:
     (1992), Bayesian Statistics 4, 147 (weights).
     """
     weights, shares, random = [], [], np.random.default_rng(SEED)
-    for h, p in posterior.likely_hypotheses.items():
+    for h, p in posterior.likely_hypotheses().items():
         evidence = posterior.race.fits[h].evidence
         blunders = [row for row, way in evidence.bad.items() if not way]
         for now, _, weight in draw_scales(evidence.solution, p, random):
@@ -314,20 +313,20 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
         return None
     # rivals may expect large errors
     size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].conditional_variance(False))
-    gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
-    before, after, *other = (float(np.mean(working_residuals(gap, reach).residual ** 2)) for gap in gaps)
+    gaps, reach = [(rows.z - each.mean(False)) / size for each in outlooks], (rows.reach / size)[good]
+    residuals = (working_residuals(gap[good], reach).residual for gap in gaps)
+    before, after, *other = (float(np.mean(each**2)) for each in residuals)
     exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after = predicted_misfit_p_value(place, outlooks[1], exact)
-    p_worse = p_of_small_misfit_change(place, outlooks[0], outlooks[1], exact)
+    change = (outlooks[1].mean(False) - outlooks[0].mean(False)) / size
+    p_worse = p_of_small_misfit_change(change[exact], gaps[1][exact])
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     errors = (int(good.sum()), before, after, control)
     pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
     alike = {key: float(x[0]) for key, (x, others) in pairs.items() if np.ptp(x) == 0.0 < np.ptp(others)}
-    gap = (rows.z - outlooks[1].mean(False)) / size
-    gap_after = np.nanmin(
-        np.abs(gap[:, np.newaxis] - slips_of_decimal_point(rows, size)), axis=1, initial=np.inf
-    )
-    slips = tuple(rows.lines[k][0] for k in np.flatnonzero((gap_after < SLIP_GAP) & (np.abs(gap) > BAD_SD)))
+    corrected = np.abs(gaps[1][:, np.newaxis] - slips_of_decimal_point(rows, size))
+    is_slip = (np.nanmin(corrected, axis=1, initial=np.inf) < SLIP_GAP) & (np.abs(gaps[1]) > BAD_SD)
+    slips = tuple(rows.lines[k][0] for k in np.flatnonzero(is_slip))
     return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike, slips)
 
 
@@ -343,14 +342,11 @@ def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools)
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
 
 
-def p_of_small_misfit_change(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
+def p_of_small_misfit_change(change: Floats, residual: Floats) -> float:
     """Chance that the misfit falls as little, or grows as much, if what is added acts.
 
-    With d the change of the prediction over the sd s of its error, and r the residual after it,
+    With d the change of the prediction and r the residual after it, both over the sd of the latter,
 
         (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
     """
-    size = np.sqrt(place.rows.variance + place.mean_variance + after.conditional_variance(False))
-    change = ((after.mean(False) - before.mean(False)) / size)[good]
-    residual = ((place.rows.z - after.mean(False)) / size)[good]
     return float(special.ndtr(change @ residual / max(float(np.sqrt(change @ change)), 1e-12)))

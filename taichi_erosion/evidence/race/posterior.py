@@ -72,19 +72,17 @@ class Posterior:
     race: Race
     probability: dict[Hypothesis, float]
 
-    @property
-    def likely_hypotheses(self) -> dict[Hypothesis, float]:
-        """Hypotheses that are worth another run of the model, with probabilities of which the sum is 1."""
-        shares = {h: p for h, p in self.probability.items() if p > KEEP}
+    def likely_hypotheses(self, least: float = KEEP) -> dict[Hypothesis, float]:
+        """Hypotheses, by default worth another run of the model, with probabilities of which the sum is 1."""
+        shares = {h: p for h, p in self.probability.items() if p > least}
         return {h: p / sum(shares.values()) for h, p in shares.items()}
 
     @cached_property
     def draws(self) -> list[Draws]:
         """Draws of every hypothesis that matters."""
         draws_of_fits, random = list[Draws](), np.random.default_rng(SEED)
-        shares = {h: p for h, p in self.probability.items() if p > 1e-3}
-        for fit, share in [(self.race.fits[h], p / sum(shares.values())) for h, p in shares.items()]:
-            each = max(4, int(DRAWS * share / SCALES))
+        for h, share in self.likely_hypotheses(1e-3).items():
+            fit, each = self.race.fits[h], max(4, int(DRAWS * share / SCALES))
             _, values, weights = zip(*draw_scales(fit.evidence.solution, share, random, each), strict=True)
             draws_of_fits.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
         return draws_of_fits
@@ -142,10 +140,8 @@ def infer(
 ) -> Posterior:
     """The posterior of all explanations of a table, by default the rows outside the vault.
 
-    `bare` leaves out all that could be missing, with the same seeds.
-
-    `most` settings of the model may be evaluated; what is known when they are spent is the answer, and
-    `Race.stopped` says so.
+    `bare` leaves out all that could be missing, with the same seeds. `most` settings of the model may be
+    evaluated; what is known when they are spent is the answer, and `Race.out_of_budget` says so.
     """
     prepared = prepare_problem(problem, problem.visible_rows() if table is None else table, seed)
     if bare:
@@ -194,6 +190,5 @@ def has_unexplained_misfit(race: Race) -> bool:
     share = race.posterior_probabilities()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)
-    if listed_share < race.priors.nothing * (listed_share + unlisted):
-        return True
-    return misfit_p_value(listed[0], levels=False) < FAMILYWISE
+    is_unlikely = listed_share < race.priors.nothing * (listed_share + unlisted)
+    return is_unlikely or misfit_p_value(listed[0], levels=False) < FAMILYWISE

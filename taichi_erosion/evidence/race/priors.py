@@ -32,10 +32,7 @@ SLIP = 0.001  # chance that a value is ten times too large, and that it is ten t
 LENGTH = 0.5  # of a smooth discrepancy, over the range of a condition
 SURE = 0.9  # probability from which a thing is said
 ADEQUATE = 0.01  # chance of a misfit from which rows do not refute an explanation
-SHARED, STRAIGHT = (
-    0.95,
-    0.9,
-)  # share of an effect's change, and correlation with it, of a condition that imitates it
+SHARED, STRAIGHT = 0.95, 0.9  # of a condition that imitates an effect: share of its change, correlation
 FAMILYWISE = 0.02  # chance below which the best of all candidates is no accident
 CARRIED = 5  # likely explanations, mechanisms or laws that get slopes of their own
 DRAWS, SEED = 2000, 0  # of everything that is drawn: the same table has the same answer

@@ -20,14 +20,13 @@ from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
-from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis
-from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, new_rows, outlook, scatter_ratio
+from taichi_erosion.evidence.race.outlook import JointRows, interval_in_unit, joint_rows, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
-from taichi_erosion.evidence.record import ExperimentPart, Interval
+from taichi_erosion.evidence.record import ExperimentPart
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
 LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8
@@ -93,7 +92,7 @@ def likeliest_explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypo
 def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     other = outlook(place, fit)
-    scatter = scatter_ratio(place, other.solution) ** 2
+    scatter = place.scatter_ratio(other.solution) ** 2
     covariance = other.conditional_covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
@@ -105,8 +104,7 @@ def experiment_record(
     expected, observable = {}, rows.observables[rows.which[at]]
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
-        ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
-        expected[name_of_hypothesis(each.hypothesis)] = Interval(*map(float, ends))
+        expected[name_of_hypothesis(each.hypothesis)] = interval_in_unit(observable, z)
     conditions = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
     return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 

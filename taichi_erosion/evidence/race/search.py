@@ -17,7 +17,6 @@ import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
-from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 
@@ -56,11 +55,11 @@ def search_effect_sets(race: Race) -> None:
         grow_sets_by_one_effect(race, size, effects)
     prune_sets_of_effects(race)
     plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
-    best = [fit.hypothesis.names for fit in plain[:3]]
-    smaller = [remove_name(names, name) for names in best for name in names]
-    for names in sorted({*best, *smaller} - {()}):
-        if Hypothesis(names) in race.fits:
-            add_unlisted_effect(race, race.fits[Hypothesis(names)])
+    best = [fit.hypothesis for fit in plain[:3]]
+    smaller = [each.without(name) for each in best for name in each.names]
+    known = {*best, *smaller} & (race.fits.keys() - {race.bare.hypothesis})
+    for each in sorted(known, key=lambda each: each.names):
+        add_unlisted_effect(race, race.fits[each])
     visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likeliest_fits(KEEP)[:CARRIED]:
@@ -90,14 +89,13 @@ def add_unlisted_effect(race: Race, parent: Fit) -> None:
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
-    parents = best_sets(race, size, 0.1 * KEEP, MOST - size)
-    for parent in parents:
+    for parent in best_sets(race, size, 0.1 * KEEP, MOST - size):
         add_every_effect(race, parent, effects)
     for fit in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
         race.optimise_setting(fit)
     for fit in best_sets(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
-            rest = race.fits.get(Hypothesis(remove_name(fit.hypothesis.names, name)))
+            rest = race.fits.get(fit.hypothesis.without(name))
             if rest is not None:
                 add_every_effect(race, rest, effects)
         for near in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
@@ -123,10 +121,4 @@ def prune_sets_of_effects(race: Race) -> None:
     while best is not (now := max(race.effect_sets(), key=log_joint)):
         best = now
         for name in best.hypothesis.names if len(best.hypothesis.names) > 1 else ():
-            rest = Hypothesis(remove_name(best.hypothesis.names, name))
-            race.fit_without_effect(best, name, log_prior_of(race, rest))
-
-
-def remove_name(names: Acting, name: str) -> Acting:
-    """A set without one of its effects."""
-    return tuple(each for each in names if each != name)
+            race.fit_without_effect(best, name, log_prior_of(race, best.hypothesis.without(name)))
