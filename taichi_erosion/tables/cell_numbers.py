@@ -35,9 +35,8 @@ MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a
 DATE = re.compile(
     rf"\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
 )
-SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
-
 DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%Y年%m月%d日")
+SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
 
 class CellFault(ValueError):
@@ -146,9 +145,8 @@ def reason(plain: str) -> str:
 def decimal_value(number: str, comma: bool) -> float:
     """Value of a number; raises CellFault for one with the other mark, or with two readings."""
     digits = re.sub(r"(?<=\d)[ '\u2019](?=\d{3})", "", number)
-    wrong, right = (".", ",") if comma else (",", ".")
+    wrong, right, marks = (".", ",", "decimal commas") if comma else (",", ".", "decimal points")
     if wrong in digits:
-        marks = "decimal commas" if comma else "decimal points"
         raise CellFault(f"has a '{wrong}', the other numbers of the file {marks}; no sign between thousands")
     if digits.count(right) > 1:
         raise CellFault(f"has two '{right}'; no sign between thousands")

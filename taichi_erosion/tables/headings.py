@@ -101,8 +101,7 @@ def read_heading(text: str) -> Heading:
         unit, words = unit_at_end(BRACKETS.sub(" ", text).strip())
         bare = f"{words} {remarks}" if unit else text
         unit = unit or ("%" if PERCENT.search(text) else "")
-    name = " ".join(bare.split()) or text
-    return add_number_law(Heading(text, name, unit, "" if unit else unreadable))
+    return add_number_law(Heading(text, " ".join(bare.split()) or text, unit, "" if unit else unreadable))
 
 
 def unit_and_words(text: str) -> tuple[str, str]:
@@ -116,8 +115,7 @@ def unit_and_words(text: str) -> tuple[str, str]:
     bare = re.sub(rf"\b(?:{'|'.join(map(re.escape, weighed))})\b\.?", " ", text)
     if weighed and (unit := unit_and_words(re.sub(r"\s*/\s*", "/", bare).strip()))[0]:
         return unit[0], " ".join((unit[1], *weighed)).strip()
-    nested = read_heading(text) if BRACKETS.search(text) else Heading(text, text)
-    if nested.unit:
+    if BRACKETS.search(text) and (nested := read_heading(text)).unit:
         return nested.unit, nested.name
     for match in SEPARATOR.finditer(text):
         first, rest = text[: match.start()], text[match.end() :]
@@ -163,8 +161,7 @@ def add_number_law(heading: Heading) -> Heading:
     """The heading with the law by which its numbers are turned into those of what it means."""
     role, place = meaning_of(heading.name)
     for law, (places, units, unit) in LAWS.items():
-        named = units == (heading.unit,) or has_word(heading.name, known_words()["laws"][law])
-        named |= heading.unit == law
+        named = (heading.unit,) in (units, (law,)) or has_word(heading.name, known_words()["laws"][law])
         if named and place in places and heading.unit in units and role in KINDS.values():
             return replace(heading, unit=unit or heading.unit, law=law)
     return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
@@ -255,11 +252,9 @@ def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
     best = (0, "", "")
     for kind in kinds:
         for name, words in known_words()[kind].items():
-            length = max(word_length(word, plain) for word in words)
-            if kind in KINDS and heading.strip() == name.rpartition(".")[2]:
-                length = len(heading) + 1
-            if length > best[0]:
-                best = (length, kind, name)
+            is_name = kind in KINDS and heading.strip() == name.rpartition(".")[2]
+            length = len(heading) + 1 if is_name else max(word_length(word, plain) for word in words)
+            best = max(best, (length, kind, name), key=lambda each: each[0])
     return best
 
 

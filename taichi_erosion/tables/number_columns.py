@@ -91,8 +91,7 @@ def non_conditions(
     others, why = dict(conditions), dict[str, str]()
     for heading, values in columns.items():
         reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
-        reason = "" if heading in names and reason.startswith((AGAIN, ALIKE, RESULT)) else reason
-        if reason:
+        if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT))):
             why[heading] = reason
         else:
             others[heading] = np.nan_to_num(values)

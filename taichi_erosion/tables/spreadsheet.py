@@ -12,6 +12,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate, zip_longest
 from math import inf, isnan
@@ -159,13 +160,11 @@ def decode_text(content: bytes, name: str) -> tuple[str, str]:
     """Text of a file and the name of its encoding."""
     marked = next((code for mark, code in MARKS.items() if content.startswith(mark)), None)
     for encoding in (marked or "utf-8", "cp1252"):
-        try:
+        with suppress(UnicodeDecodeError):
             text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        foreign = {sign for sign in text if ord(sign) > 127}
-        if "\0" not in text and (encoding != "cp1252" or foreign <= WESTERN):
-            return text.removeprefix("\ufeff"), encoding.removesuffix("-sig")
+            foreign = {sign for sign in text if ord(sign) > 127}
+            if "\0" not in text and (encoding != "cp1252" or foreign <= WESTERN):
+                return text.removeprefix("\ufeff"), encoding.removesuffix("-sig")
     from charset_normalizer import from_bytes
 
     best = from_bytes(content, cp_isolation=CODE_PAGES).best()
@@ -182,17 +181,16 @@ def guess_separator(text: str) -> str:
         return declared[4]
     if ONE_COLUMN.fullmatch("\n".join(lines)):
         return ";"
-
     counts = dict[str, tuple[int, int]]()
     try:
         for separator in SEPARATORS:
             widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
             commonest = max(widths, key=widths.count, default=1)
-            counts[separator] = (widths.count(commonest) if commonest > 1 else 0), commonest
+            if commonest > 1:
+                counts[separator] = widths.count(commonest), commonest
     except csv.Error:
         return ","
-    wide = [separator for separator in SEPARATORS if counts[separator][0]]
-    return max(wide, key=lambda s: (counts[s][0] > 0.5 * len(lines), s != ",", counts[s]), default=",")
+    return max(counts, key=lambda s: (counts[s][0] > 0.5 * len(lines), s != ",", counts[s]), default=",")
 
 
 def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
@@ -265,11 +263,10 @@ def refuse_hidden_rows(sheet: Any, name: str) -> None:
     filled = [cell for row in sheet.iter_rows() for cell in row if cell.value not in (None, "")]
     hidden = [cell.row for cell in filled if sheet.row_dimensions[cell.row].hidden]
     struck = [cell.row for cell in filled if cell.font.strike]
+    where = f"{name}: sheet '{sheet.title}', row"
     for rows, words in ((hidden, "hidden: show it"), (struck, "struck through: write it as the others")):
         if rows:
-            raise BadInput(
-                f"{name}: sheet '{sheet.title}', row {rows[0]} is {words} if it counts, else delete it"
-            )
+            raise BadInput(f"{where} {rows[0]} is {words} if it counts, else delete it")
 
 
 def cell_value(cell: Any) -> Any:
@@ -320,10 +317,9 @@ def with_one_heading(rows: Lines) -> Lines:
     for text, under in zip_longest(above, below, fillvalue=""):
         last = text or last
         name, unit = last if under else text, strip_brackets(under)
-        if not (name and unit_in(unit)):
-            headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
-        else:
-            headings.append(name if read_heading(name).unit else f"{name} [{unit}]")
+        if name and unit_in(unit):
+            under = "" if read_heading(name).unit else f"[{unit}]"
+        headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
     return [(line, headings), *others]
 
 
@@ -348,12 +344,12 @@ def name_blank_repeat_columns(rows: Lines) -> Lines:
         content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
         numeric = bool(content) and all(map(is_quantity, content))
         roles = meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0]
-        if heading[k] not in ("", heading[first]) or not numeric or "observable" not in roles:
+        if heading[k] in ("", heading[first]) and numeric and "observable" in roles:
+            for place in (first, k):
+                unit = f" [{first_heading.unit}]" if first_heading.unit else ""
+                names[place] = f"{first_heading.name} {place - first + 1}{unit}"
+        else:
             first = k
-            continue
-        for place in (first, k):
-            unit = f" [{first_heading.unit}]" if first_heading.unit else ""
-            names[place] = f"{first_heading.name} {place - first + 1}{unit}"
     return [(line, names), *others]
 
 
@@ -449,9 +445,8 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
         return label
     at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
-    if not cell or cell in at or not all(at):
-        return cell
-    return cell if any([each[k] for k in conditions] == at for each in rest) else ""
+    is_sum = cell in at or not all(at) or (cell and any([each[k] for k in conditions] == at for each in rest))
+    return cell if is_sum else ""
 
 
 def last_word(cell: str) -> str:
@@ -461,8 +456,7 @@ def last_word(cell: str) -> str:
 
 def laboratory_table_digest(table: Path) -> str:
     """Digest of the cells by which a laboratory's table is known again; empty where it is unreadable."""
-    try:
+    with suppress(BadInput):
         rows = read_table_cells(table, table.name, []).rows
-    except BadInput:
-        return ""
-    return content_digest(repr([cells for _, cells in rows]).encode())
+        return content_digest(repr([cells for _, cells in rows]).encode())
+    return ""
