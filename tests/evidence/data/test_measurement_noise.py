@@ -122,9 +122,8 @@ def test_blocks_that_each_hold_every_set_up_once_state_the_scatter(response):
     designs = [(by_blocks, 12.0), (np.array([set_up, block, same, set_up]), 15.0)][: 2 - bool(response)]
     for design, freedom in designs:
         scatter = measurement_noise.measurement_scatter(*args, design)
-        assert scatter.pure == (pytest.approx(freedom - 2.0), freedom)
+        assert (*scatter.pure, scatter.by_blocks) == (pytest.approx(freedom - 2.0), freedom, freedom == 12.0)
         assert scatter.variance[0] == pytest.approx(16 * 0.25 / (freedom - 2.0))
-        assert scatter.by_blocks == (freedom == 12.0)
     for design in (None, np.array([np.arange(24.0), same, sample, set_up])):  # of two soils it may be theirs
         assert np.isnan(measurement_noise.measurement_scatter(*args, design).variance).all()
 
