@@ -6,6 +6,7 @@ page     a film of a live session in the browser, for docs/live_and_python.md; n
 study    the results of doe/funnel_soil.toml in the viewer
 wind     thresholds and fluxes of fine sand beside formulas, for docs/quick_start.md; seven minutes
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
+million  the last moment of scenes/million_grains.toml from the side, for docs/speed.md; most of an hour
 benches  a hopper, a press, a shear box and a heap between walls, for docs/scene_files.md
 """
 
@@ -29,6 +30,7 @@ from taichi_erosion.recording.pictures import (
     render_side,
     resting_colours,
     scale_bar_length,
+    speed_colours,
     write_png,
 )
 from taichi_erosion.recording.readback import read_grains
@@ -40,11 +42,14 @@ PICTURES = DOCS / "pictures"
 SAMPLE = DOCS.parent / "recordings" / "sample.rrd"
 STUDY = DOCS.parent / "doe" / "funnel_soil.toml"
 TABLE = DOCS.parent / "doe" / "windkanal.csv"
+MILLION = DOCS.parent / "recordings" / "million_grains.rrd"
 MOMENT = 1.0  # s, of the sample: grains flow out below the tube
 MARGIN = 0.004  # m beside the heap
 PAPER = 240  # grey level of the background
 DARK = 0.55  # brightness of soil over that of dry sand [1]
 HEAP_SIZE = (900, 360)  # px
+BED = 1.7e-3  # m, top of the bed of a million
+PATCH = (0.0, -0.002), (0.121, 0.028), (1210, 300)  # m, m, px: all of its bed, and the air above it
 BENCHES = {"hopper": (1, 0.2), "uniaxial_press": (4, 0.1), "shear_box": (3, 0.32), "hele_shaw": (0, 2.0)}
 BENCH_SIZE, BENCH_ROOM = (480, 400), 0.004  # px; m around the grains
 LIGHT = 1.25  # brightness of grains over that on a dark background [1]
@@ -80,6 +85,19 @@ def draw_heap() -> None:
     empty = np.asarray(render_side(position[:0], radius[:0], view))
     drawn[(drawn == empty).all(axis=-1)] = PAPER
     write_png(PICTURES / "heap.png", Image.fromarray(drawn))
+
+
+def draw_million() -> None:
+    """Grains in flight above a bed of a million, coloured by height."""
+    if not MILLION.exists():
+        command(["run", str(DOCS.parent / "scenes" / "million_grains.toml"), "--record", str(MILLION)])
+    last = read_grains(MILLION)[-1]
+    position, radius = last.position.astype(np.float64), last.radius.astype(np.float64)
+    flying = position[:, 2] > BED
+    colours = resting_colours(last.ident)
+    colours[flying] = speed_colours(position[flying, 2], BED, PATCH[1][1])
+    drawn = render_side(position, radius, SideView(*PATCH), colours)
+    drawn.quantize(200, dither=Image.Dither.NONE).save(PICTURES / "million_grains.png", optimize=True)
 
 
 def draw_study() -> None:
@@ -169,6 +187,7 @@ DRAWN = {
     "table": draw_table,
     "wind": draw_wind,
     "benches": draw_benches,
+    "million": draw_million,
 }
 
 if __name__ == "__main__":
