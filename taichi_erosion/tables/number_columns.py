@@ -192,10 +192,10 @@ def is_dose(heading: str) -> bool:
 
 def is_set_by_hand(heading: str, values: Floats) -> bool:
     """Whether a column is of even steps, of round numbers from a control of 0, or of no result's unit."""
-    levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
-    kind = parse_scale(unit).kind if unit else ()
     if is_dose(heading):
         return True
+    levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
+    kind = parse_scale(unit).kind if unit else ()
     is_round = all(x == float(f"{x:.1e}") for x in levels)
     if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:
         return not has_word(heading, known_words()["computed"]["words"])

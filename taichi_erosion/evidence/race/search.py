@@ -56,9 +56,8 @@ def search_effect_sets(race: Race) -> None:
     prune_sets_of_effects(race)
     plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
     best = [fit.hypothesis for fit in plain[:3]]
-    smaller = [each.without(name) for each in best for name in each.names]
-    known = {*best, *smaller} & (race.fits.keys() - {race.bare.hypothesis})
-    for each in sorted(known, key=lambda each: each.names):
+    sets = {*best, *(each.without(name) for each in best for name in each.names)}
+    for each in sorted(sets & (race.fits.keys() - {race.bare.hypothesis}), key=lambda each: each.names):
         add_unlisted_effect(race, race.fits[each])
     visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):

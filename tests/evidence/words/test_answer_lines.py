@@ -238,10 +238,10 @@ def test_agreement_names_a_scatter_that_is_larger_than_stated() -> None:
 
 def test_what_is_unusual_of_a_model_that_follows_its_rows_is_told_in_place_of_a_failure() -> None:
     record = replace(null, p_misfit=1e-3, chi2_before=0.3 * null.n)
+    adopted = {name: replace(part, start=0.0) for name, part in null.parameters.items()}
+    words = r"follows all .*, by an unusual \w+ \w+, [\d.]+ where about [\d.]+ is expected"
     for answer in (compare_answer, discover_answer):
-        words = r"follows all .*, by an unusual \w+ \w+, [\d.]+ where about [\d.]+ is expected"
         assert re.search(words, answer(record, VOC).lines[0])
-        adopted = {name: replace(part, start=0.0) for name, part in null.parameters.items()}
         assert "by levels or set-ups" in answer(replace(record, parameters=adopted), VOC).lines[0]
         assert "fails" in answer(replace(record, chi2_before=2.0 * null.n), VOC).lines[0]
 
