@@ -74,9 +74,8 @@ def test_experiments_a_page_and_predictions_in_the_units_of_the_table_follow(wet
 def test_a_study_is_made_again_and_an_unknown_word_is_refused(tmp_path):
     columns = {"diameter [um]": [100, 250, 400], "threshold friction velocity [cm/s]": [20, 30, 40]}
     columns |= {"sd [cm/s]": [1, 1, 1]}
-    first, again, anew = (
-        te.new_study(columns, tmp_path / "mine", closed_form=True, anew=way) for way in (False, False, True)
-    )
+    ways, place = (False, False, True), tmp_path / "mine"
+    first, again, anew = (te.new_study(columns, place, closed_form=True, anew=way) for way in ways)
     assert first.path == again.path == anew.path
     with pytest.raises(TypeError, match="unexpected keyword argument 'grain'"):
         te.new_study(columns, tmp_path / "mine", closed_form=True, grain=100)  # pyright: ignore

@@ -115,8 +115,7 @@ def test_blocks_that_each_hold_every_set_up_once_state_the_scatter(response):
     set_up, block = map(np.ravel, np.meshgrid(np.arange(6.0), np.arange(4.0)))
     error = 0.5 * np.array([1, -1, 0, 0, -1, 1])[set_up.astype(int)] * (-1.0) ** block
     blocks = np.array([0.0, 5.0, -2.0, 9.0])[block.astype(int)] + response * set_up * (block == 1.0)
-    z = 3.0 * set_up + blocks + error
-    args = z, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
+    args = 3.0 * set_up + blocks + error, np.full(24, np.nan), np.ones(24), np.arange(24.0), np.ones((1, 24))
     same, sample = np.zeros(24), np.minimum(block, 1.0)
     by_blocks = np.array([24.0 * set_up + block, same, block, set_up])  # samples, of which one responds more
     designs = [(by_blocks, 12.0), (np.array([set_up, block, same, set_up]), 15.0)][: 2 - bool(response)]

@@ -182,8 +182,7 @@ def off(acting: dict[str, float], factor: float = 0.0, **changes) -> problems.Pr
         return replace(problem, measurements=replace(table, value=table.value + OFFSET))
     value = factor * np.exp(table.value)
     table = replace(table, value=value, sd=value * table.sd)
-    logarithmic = {"y": problems.Observable("y", "log")}
-    problem = replace(problem, measurements=table, observables=logarithmic)
+    problem = replace(problem, measurements=table, observables={"y": problems.Observable("y", "log")})
     return replace(problem, model=lambda *asked: np.exp(linear(*asked)))
 
 
