@@ -100,6 +100,28 @@ def cell_coordinates(cells: ti.template(), r, position):
 
 
 @ti.func
+def cells_within(cells: ti.template(), replicas: ti.template(), r, position, distance):
+    """First cell and number of cells, along the arranged axes, of a box around a wrapped position.
+
+    Behind the last cell of a period its first follows; elsewhere the box ends at the grid.
+    """
+    number, periodic = cells.number[r], replicas.period[r] > 0.0
+    low = ti.floor((position - distance - cells.low[r]) * cells.inverse_width[r], ti.i32)
+    high = ti.floor((position + distance - cells.low[r]) * cells.inverse_width[r], ti.i32)
+    first = ti.select(periodic, low % number, ti.math.clamp(low, 0, number - 1))
+    count = ti.select(
+        periodic, ti.min(high - low + 1, number), ti.math.clamp(high, 0, number - 1) - first + 1
+    )
+    return arrange_along_axes(cells, r, first), arrange_along_axes(cells, r, count)
+
+
+@ti.func
+def cell_of_run(first, beyond, k):
+    """Cell k, in rising order, of a run from `first` on that has `beyond` cells at the beginning of a period."""
+    return k + ti.select(k < beyond, 0, first - beyond)
+
+
+@ti.func
 def cell_index(number, place):
     """Number of the cell at `place` in a grid of `number` cells, both along the arranged axes."""
     return (place[2] * number[1] + place[1]) * number[0] + place[0]

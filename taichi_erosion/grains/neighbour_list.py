@@ -14,8 +14,8 @@ The Verlet skin h is the distance that a grain may move before the lists are reb
 
 Fast grains have a wide skin, resting grains a narrow one, so that a few flying grains do not force rebuilds
 on the settled ones. Adjacent cells hold all partners of a grain with R + h <= L, the reach of the cells. A
-wide grain, R + h > L, is searched among all others instead. That costs little while such grains are few; in a
-crowd of them the skin is limited to h = max(m R, L - R).
+wide grain, R + h > L, is searched in a larger box of cells instead. That costs little while such grains are
+few; in a crowd of them the skin is limited to h = max(m R, L - R).
 """
 
 from typing import Any
@@ -28,7 +28,8 @@ ENGAGED = 1  # bit of a label: the contact acts
 MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
 HISTORY = ENGAGED | MET
 ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
-WIDE_MOST = 150  # wide grains, beyond which they are a crowd; adjacent cells of a dense bed hold as many
+WIDE_MOST = 150  # wide grains, beyond which they are a crowd where they are also more than one in so many:
+CROWD = 40  # the search for all others then takes as long again
 
 
 @device_record
@@ -119,13 +120,13 @@ def does_skin_exceed_cells(world: ti.template(), r, i):
 
 @ti.func
 def count_wide_grains(world_out: ti.template(), r):
-    """Set `crowded` where more grains than `WIDE_MOST` would reach beyond adjacent cells."""
+    """Set `crowded` where too many grains would reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
         wide += does_skin_exceed_cells(world_out, r, i)
-    replicas_out.crowded[r] = ti.cast(wide > WIDE_MOST, ti.i32)
+    replicas_out.crowded[r] = ti.cast(wide > ti.max(WIDE_MOST, replicas_out.released[r] // CROWD), ti.i32)
 
 
 @ti.func

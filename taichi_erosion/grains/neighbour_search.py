@@ -15,6 +15,8 @@ from taichi_erosion.grains.cells import (
     arrange_along_axes,
     cell_coordinates,
     cell_index,
+    cell_of_run,
+    cells_within,
     first_rank_of_cell,
     nearest_image_distances,
     wrapped_position,
@@ -156,17 +158,27 @@ def list_partners_in_cells(world_out: ti.template(), r, rank, entry, limit):
 
 @ti.func
 def list_partners_of_wide(world_out: ti.template(), r, rank, entry, limit):
-    """List the partners of a wide grain among all others; a pair of wide grains is listed by the first."""
-    (replicas,) = ti.static((world_out.replicas,))
+    """List the partners of a wide grain in a box of cells; a pair of wide grains is listed by the first."""
+    cells, replicas = ti.static((world_out.cells, world_out.replicas))
     base = side_start(world_out.grains, r, 1 - replicas.side[r])
-    period = replicas.period[r]
+    distance = world_out.grains.extent[base + rank] + replicas.extent_most[r] + replicas.reach[r]
+    place, count = cells_within(cells, replicas, r, world_out.grains.origin[base + rank], distance)
+    number = arrange_along_axes(cells, r, cells.number[r])
+    beyond = ti.max(place + count - number, 0)  # cells at the beginning of a period
     partners, touching = 0, 0
-    for j in range(replicas.released[r]):
-        state = pair_proximity(world_out, r, base + rank, base + j, period)
-        if state > 0:
-            if j == rank or (j < rank and is_wide_grain(world_out, r, base + j)):
-                state = 0
-            partners, touching = append_partner(world_out, entry, limit, partners, touching, j, state)
+    for run in range(2 * count[1] * count[2]):  # in the order of the grains
+        y = cell_of_run(place[1], beyond[1], run // 2 % count[1])
+        z = cell_of_run(place[2], beyond[2], run // 2 // count[1])
+        left, right = 0, beyond[0]
+        if run % 2 == 1:
+            left, right = place[0], place[0] + count[0] - beyond[0]
+        first = first_rank_of_cell(cells, r, cell_index(number, (left, y, z)))
+        for j in range(first, first_rank_of_cell(cells, r, cell_index(number, (right, y, z)))):
+            state = pair_proximity(world_out, r, base + rank, base + j, replicas.period[r])
+            if state > 0:
+                if j == rank or (j < rank and is_wide_grain(world_out, r, base + j)):
+                    state = 0
+                partners, touching = append_partner(world_out, entry, limit, partners, touching, j, state)
     return partners
 
 

@@ -81,6 +81,7 @@ class Replicas:
     skin_least: Any  # skin of a resting grain over its radius [1]
     skin_most: Any  # largest skin [m]
     cell_reach: Any  # radius and skin up to which adjacent cells hold all partners [m]
+    extent_most: Any  # largest radius and skin [m]
     crowded: Any  # i32, 1 where too many grains reach further
     skin_time: Any  # time that a moving grain should stay within its skin [s]
     reach: Any  # gap up to which a contact may act [m]
@@ -155,7 +156,7 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     signals = "status spins_most late pause"  # the last three of a team
     counts = "released removes leaving removed"
-    skins = "skin_least skin_most skin_time cell_reach reach met_reach wall_travel"
+    skins = "skin_least skin_most skin_time cell_reach extent_most reach met_reach wall_travel"
     table = arrays(
         count,
         i32=f"side partitions stale crowded {counts} total step steps_left rebuilds pair_row {signals}",

@@ -115,6 +115,7 @@ class VerletSkin:
 
     least: float  # over the radius [1]
     most: float  # m
+    extent_most: float  # m, of any grain: radius and skin
     time: float  # s, that a moving grain should stay within it
     cell_reach: float  # m, radius and skin up to which adjacent cells hold all partners
 
@@ -123,16 +124,18 @@ def verlet_skin_limits(setup: Setup, by_grain: bool = False) -> VerletSkin:
     """Skin of one replica.
 
     Under wind few grains move, and those far: their skin extends beyond adjacent cells and they are searched
-    among all others, as are the few largest grains, so that cells may be as narrow as most grains need. With
+    in a larger box, as are the few largest grains, so that cells may be as narrow as most grains need. With
     one thread per grain no grain may take so much longer than the others.
     """
     radius = np.sort(setup.grains.radius)
     if setup.air is None or by_grain:
         most = SKIN_MOST * float(radius[-1])
-        return VerletSkin(setup.skin, most, SKIN_STEPS * setup.time_step, float(radius[-1]) + most)
+        extent = float(radius[-1]) + most
+        return VerletSkin(setup.skin, most, extent, SKIN_STEPS * setup.time_step, extent)
     large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])
     most = SKIN_FLIGHT * float(np.median(radius))
-    return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
+    extent, reach = float(radius[-1]) + most, (1.0 + SKIN_IN_CELLS) * large
+    return VerletSkin(setup.skin, most, extent, FLIGHT_STEPS * setup.time_step, reach)
 
 
 def has_grid(setups: Sequence[Setup]) -> bool:

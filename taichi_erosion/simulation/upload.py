@@ -92,6 +92,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
             (replicas.skin_most, [m.most for m in allowed]),
             (replicas.skin_time, [m.time for m in allowed]),
             (replicas.cell_reach, cell_reach),
+            (replicas.extent_most, [m.extent_most for m in allowed]),
         ]
     )
 

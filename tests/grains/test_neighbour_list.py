@@ -13,6 +13,7 @@ from taichi_erosion.simulation import advance, assemble, export_state
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 FAST = 3.0  # m s-1, which takes a grain through several cells on one list
+BEDS = 8  # of a strip
 
 
 def mixed(fast: int) -> Setup:
@@ -23,6 +24,18 @@ def mixed(fast: int) -> Setup:
     velocity[rng.permutation(len(velocity))[:fast]] = (0.0, 0.0, FAST)
     radius = RADIUS * rng.uniform(0.5, 1.0, len(velocity))
     return replace(table, grains=replace(table.grains, velocity=velocity, radius=radius))
+
+
+def strip(fast: int) -> Setup:
+    """Such beds in a row, longer than the box in which a wide grain is searched."""
+    table = mixed(fast)
+    columns = {name: np.concatenate([column] * BEDS) for name, column in vars(table.grains).items()}
+    columns["position"][:, 0] += np.arange(BEDS).repeat(len(table.grains.radius)) * table.period[0]
+    (_, *high), (long, *across) = table.domain[1], table.period
+    domain = table.domain[0], (table.domain[0][0] + BEDS * long, *high)
+    return replace(
+        table, grains=replace(table.grains, **columns), domain=domain, period=(BEDS * long, *across)
+    )
 
 
 def cloud() -> Setup:
@@ -46,10 +59,11 @@ def distances(place: Floats, table: Setup) -> Floats:
     [
         (mixed(0), TIME_STEP, 0, False),
         (mixed(12), TIME_STEP, 0, True),
+        (strip(2), TIME_STEP, 0, True),
         (mixed(200), TIME_STEP, 1, False),
         (cloud(), 2e-3, 0, False),  # it has spread from where the scene put it
     ],
-    ids=("all slow", "few fast", "many fast", "cloud"),
+    ids=("all slow", "few fast", "few fast of a strip", "many fast", "cloud"),
 )
 def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table, until, crowded, wide):
     sim = assemble([table], LAWS, Numerics("cpu", 1, "f64"))
