@@ -38,6 +38,7 @@ WORDS = "contacts, walls, gravity, effects, measures, wind.friction_velocity and
 WIND = "wind.friction_velocity"
 OF_ENDS = ("until", "duration_min", "duration_max", "rest_energy", "rest_contact_share")  # of a begun stage
 LISTED = {"contact", "geometry", "materials", "effects"}  # sections that lists of contacts depend on
+COUNTERS = ("checks", "grain_steps", "wall_s")  # of an ensemble
 MOST_TOLD = 3  # changes that a message names
 
 
@@ -73,7 +74,8 @@ def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
         if record["search"]:
             del record["search"]["scene"]
     replicas = json.loads(json.dumps(arrays_to_names(records, "run", arrays), default=json_value))
-    return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": replicas}
+    counters = {name: getattr(ensemble, name) for name in COUNTERS}
+    return arrays, counters | {"replicas": replicas}
 
 
 def arrays_to_names(value: Any, name: str, arrays_out: Arrays) -> Any:
@@ -101,7 +103,8 @@ def replace_names_by_arrays(value: Any, arrays: Arrays) -> Any:
 
 def restore_run_state(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> None:
     """Inverse of `run_state`, into an ensemble of the same scenes."""
-    ensemble.checks, ensemble.grain_steps = meta["checks"], meta["grain_steps"]
+    for name in COUNTERS:
+        setattr(ensemble, name, meta[name])
     records = replace_names_by_arrays(meta["replicas"], arrays)
     ensemble.states = [ReplicaState(**record) for record in records]
     for state, record, scene in zip(ensemble.states, records, ensemble.scenes, strict=True):

@@ -3,6 +3,7 @@
 The checks: grains are all there, once, with their masses, at finite places; mechanical energy does not grow.
 """
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
@@ -62,6 +63,7 @@ class EnsembleRun:
     holds: bool = False  # a stage lasts until the caller begins the next one
     checks: int = 0  # check intervals done
     grain_steps: float = 0.0  # released grains times steps
+    wall_s: float = 0.0  # of these steps [s]
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
     lifting_energies: Floats = field(init=False)  # J, by replica; see `lifting_energy`
 
@@ -97,7 +99,7 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
 
 def advance_to_next_check(ensemble: EnsembleRun) -> None:
     """Advance all active replicas to the next check, and check them."""
-    sim, interval = ensemble.sim, ensemble.check_interval
+    sim, interval, started = ensemble.sim, ensemble.check_interval, time.perf_counter()
     target = (ensemble.checks + 1) * interval
     simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
     ensemble.checks += 1
@@ -106,6 +108,7 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     stopped, removed = simulation.replica_statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
     steps = interval / np.array([setup.time_step for setup in sim.setups])
     ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
+    ensemble.wall_s += time.perf_counter() - started
     for replica, state in enumerate(ensemble.states):
         if state.active:
             state.failure = simulation.failure_of(sim, replica) if stopped[replica] else None

@@ -12,7 +12,7 @@
                     one `blocks`
     measured        {observable: {value, sd, n, source}}: values of a laboratory that the scene states
     grain_steps     released grains times steps; `cell_steps` for air alone
-    wall_s          wall time [s]
+    wall_s          wall time [s], with that of the parts before a resume
     recording       path of the recording or null; where they were made also `silhouettes` and `film`
     numerics        arch, threads, precision; `threads_mean`, the mean number at work, where threads shared
                     replicas; `time_step` for air alone

@@ -102,11 +102,11 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     scene = read_scene(path, (*options.overrides, *numbers), named)
-    hashed = scene_hash(scene)
     comparisons = comparable(path, scene)  # now: the file may be another one when the run ends
     record = result.recording_path_of_run(path, scene, scene.run.seed, options)
     library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
+    started -= ensemble.wall_s  # of the parts before a resume
     recorder = None
     if not options.no_record:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
@@ -115,7 +115,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     checkpointer = Checkpointer(
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
         options.checkpoint_interval,
-        {"scene_hash": hashed, "scene": resolve(ensemble.scenes[0])},
+        {"scene_hash": scene_hash(scene), "scene": resolve(ensemble.scenes[0])},
         count_whole_intervals(ensemble.time, options.checkpoint_interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
@@ -125,7 +125,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         document = grain_run_document(path, scene, ensemble, comparisons, started)
         document["limits"]["warnings"] += idle_warnings(scene, named)
         if recorder:
-            first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
+            first, properties = document["replicas"][0], {"scene": {"hash": scene_hash(scene)}}
             document |= finish_recording(recorder, ensemble, first, properties)
             result.write_document_or_warn(record, document)
     failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]

@@ -117,7 +117,7 @@ def cells_within(cells: ti.template(), replicas: ti.template(), r, position, dis
 
 @ti.func
 def cell_of_run(first, beyond, k):
-    """Cell k, in rising order, of a run from `first` on that has `beyond` cells at the beginning of a period."""
+    """Cell k, in rising order, of a run from `first` on with `beyond` cells at the beginning of a period."""
     return k + ti.select(k < beyond, 0, first - beyond)
 
 

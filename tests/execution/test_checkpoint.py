@@ -36,6 +36,7 @@ OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics
 WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
 META = {"scene_hash": "5eed", "time": 0.125, "seeds": [1, 2, 3], "title": "Böschung"}
 ONE_FILE = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+DAY = 86400.0  # s
 SLOW = pytest.mark.slow
 CUTS = {"ramp": 0.055, "hold": 0.1, "fall": 0.17}  # s, by the phase in which the first bed is then
 
@@ -66,10 +67,14 @@ def test_one_thread_goes_on_where_two_were_killed_and_ends_with_the_same_documen
     assert not killed.with_suffix(".rrd").exists()
     assert not killed.with_suffix(".json").exists()
     read_grains(killed.with_suffix(".rrd.part"))
-    assert 0 < load_checkpoint(killed)[1]["checks"] < 120  # the run has 120 of them
+    arrays, meta = load_checkpoint(killed)
+    assert 0 < meta["checks"] < 120  # the run has 120 of them
+    assert 0.0 < meta["wall_s"] < DAY
+    save_checkpoint(killed, arrays, meta | {"wall_s": DAY})
     resumed = run_scene(scene, RunOptions(threads=1, no_record=True, resume=killed))
     stop_device()
     assert fingerprint(resumed) == fingerprint(whole)
+    assert resumed["wall_s"] > DAY  # its grain-steps count from the beginning too
 
 
 def test_an_interrupted_run_names_its_checkpoint_which_goes_on_with_its_own_seeds_alone(scene, folder):
@@ -173,11 +178,11 @@ def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):
                 continue  # frames of a stage are kept without it
             assert np.any(getattr(record, field.name)), f"{field.name} is not tested"
     scenes = [before.search.scene]
-    saved = run_state(SimpleNamespace(states=[before], checks=80, grain_steps=1e3))  # type: ignore[arg-type]
+    saved = run_state(SimpleNamespace(states=[before], checks=80, grain_steps=1e3, wall_s=9.0))  # type: ignore[arg-type]
     save_checkpoint(tmp_path / "state.npz", *saved)
     resumed = SimpleNamespace(scenes=scenes)
     restore_run_state(resumed, *load_checkpoint(tmp_path / "state.npz"))  # type: ignore[arg-type]
-    assert (resumed.checks, resumed.grain_steps) == (80, 1e3)
+    assert (resumed.checks, resumed.grain_steps, resumed.wall_s) == (80, 1e3, 9.0)
     np.testing.assert_equal(asdict(resumed.states[0]), asdict(before))
 
 
