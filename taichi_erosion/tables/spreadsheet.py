@@ -14,9 +14,11 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import accumulate, zip_longest
-from math import inf, isnan
+from math import inf, isclose, isnan
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
@@ -24,6 +26,7 @@ from taichi_erosion.core.files import content_digest, require_regular_file
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.tables.cell_numbers import (
     NUMBER,
+    CellFault,
     cell_word,
     has_decimal_comma,
     is_missing,
@@ -57,6 +60,7 @@ MARKED = re.compile(
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
+EQUAL = partial(isclose, rel_tol=0.01)
 DITTO = re.compile(
     r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
     re.IGNORECASE,
@@ -446,7 +450,23 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
     is_sum = cell in at or not all(at) or (cell and any([each[k] for k in conditions] == at for each in rest))
-    return cell if is_sum else ""
+    return label if is_mean_row(cells, row, conditions) else cell if is_sum else ""
+
+
+def is_mean_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> bool:
+    """Whether a row that is called a mean has, in all conditions, the mean of rows above that are not."""
+    lines, comma = [each for _, each in cells.lines], cells.decimal_comma
+    above = [each for each in lines[: lines.index(tuple(row))] if not is_called_summary(each)]
+    with suppress(CellFault):
+        *table, mean = [[read_cell(each[k], comma).value for k in conditions] for each in (*above, row)]
+        means = (map(fmean, zip(*table[-k:], strict=True)) for k in range(2, len(table) + 1))
+        return is_called_summary(row) and any(all(map(EQUAL, each, mean)) for each in means if conditions)
+    return False
+
+
+def is_called_summary(row: Sequence[str]) -> bool:
+    """Whether a word of the first cell of a row means that it sums up others."""
+    return any(map(is_summary_word, plain_words(next(filter(None, row), "")).split()))
 
 
 def last_word(cell: str) -> str:
