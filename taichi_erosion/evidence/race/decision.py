@@ -24,7 +24,7 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, is_adequate
+from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_under_errors
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
@@ -126,7 +126,8 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     best = max(fits, key=lambda fit: fit.log_evidence)
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
-    return listed and is_adequate(best, FAMILYWISE) and chi_square_of_fit(best) < chi_square_of_fit(race.bare)
+    misfit, of_nothing = (misfit_under_errors(fit, best) for fit in (best, race.bare))
+    return listed and is_adequate(best, FAMILYWISE) and misfit < of_nothing
 
 
 def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, Acting]:
