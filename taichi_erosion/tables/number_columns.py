@@ -228,14 +228,14 @@ def mean_of_repeats(results: Sequence[Floats]) -> Floats:
     return np.round(mean / digit) * digit if digit else mean
 
 
-def column_affects_result(values: Floats, result: Floats, rest: Floats) -> bool:
+def column_affects_result(values: Floats, result: Floats, rest: Floats, chance: float = CHANCE) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)
     free = int(both.sum()) - np.unique(rest[both]).size - 2
     if free < 1 or not differs_at_equal_values(result[both], rest[both]):
         return False
     share = variance_left_by_parabola(result[both], values[both], rest[both])
-    return bool(fdtrc(2, free, (1.0 / max(share, 1e-12) - 1.0) * free / 2.0) < CHANCE)
+    return bool(fdtrc(2, free, (1.0 / max(share, 1e-12) - 1.0) * free / 2.0) < chance)
 
 
 def variance_left_by_parabola(y: Floats, x: Floats, rest: Floats) -> float:

@@ -438,35 +438,46 @@ def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row.
 
-    Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, or by a word that names
-    nothing else; `slope` may be a site.
+    Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, among rows that are
+    numbered, or by a word that names nothing else; `slope` may be a site.
     """
-    label = next(filter(None, row), "")
+    odd = word_among_numbers(cells, row)
+    label = odd or next(filter(None, row), "")
     words, filled = re.findall(r"[^\W\d_]+2?", label.casefold()), [sum(map(bool, r)) for _, r in cells.lines]
     fewer = sum(map(bool, row)) < sorted(filled)[len(filled) // 2]
     clear = max(map(len, words), default=0) > 2 and meaning_of(label)[0] != "condition"
-    if words and (fewer or clear) and {*words} <= {*known_words()["rows"]["statistic"]}:
+    if words and (fewer or clear or odd) and {*words} <= {*known_words()["rows"]["statistic"]}:
         return label
     at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
     is_sum = cell in at or not all(at) or (cell and any([each[k] for k in conditions] == at for each in rest))
-    return label if is_mean_row(cells, row, conditions) else cell if is_sum else ""
+    is_mean = is_called_summary([label]) and (odd or is_mean_row(cells, row, conditions))
+    return label if is_mean else cell if is_sum else ""
+
+
+def word_among_numbers(cells: Cells, row: Sequence[str]) -> str:
+    """Cell of a row that is a word where most rows have a number, as `SD` among running numbers."""
+    for place, cell in enumerate(row):
+        column = [each[place] for _, each in cells.lines]
+        if cell and not is_quantity(cell) and 3 * sum(map(is_quantity, filter(None, column))) > len(column):
+            return cell
+    return ""
 
 
 def is_mean_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> bool:
-    """Whether a row that is called a mean has, in all conditions, the mean of rows above that are not."""
+    """Whether a row has, in all conditions, the mean of some rows above that are not called so."""
     lines, comma = [each for _, each in cells.lines], cells.decimal_comma
     above = [each for each in lines[: lines.index(tuple(row))] if not is_called_summary(each)]
     with suppress(CellFault):
         *table, mean = [[read_cell(each[k], comma).value for k in conditions] for each in (*above, row)]
         means = (map(fmean, zip(*table[-k:], strict=True)) for k in range(2, len(table) + 1))
-        return is_called_summary(row) and any(all(map(EQUAL, each, mean)) for each in means if conditions)
+        return any(all(map(EQUAL, each, mean)) for each in means if conditions)
     return False
 
 
 def is_called_summary(row: Sequence[str]) -> bool:
-    """Whether a word of the first cell of a row means that it sums up others."""
-    return any(map(is_summary_word, plain_words(next(filter(None, row), "")).split()))
+    """Whether a word of a row means that it sums up others."""
+    return any(map(is_summary_word, plain_words(" ".join(row)).split()))
 
 
 def last_word(cell: str) -> str:

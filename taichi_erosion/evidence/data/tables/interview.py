@@ -52,6 +52,7 @@ from taichi_erosion.tables.headings import (
 )
 from taichi_erosion.tables.number_columns import (
     AGAIN,
+    column_affects_result,
     follows,
     is_height,
     mean_of_repeats,
@@ -76,6 +77,11 @@ OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
+CHANCE_OF_REPEATS = 1e-3  # p of columns that differ, below which they are no repeats
+UNLIKE_REPEATS = (
+    "they differ more than repeats: write one row for every measured value, with a column for what "
+)
+UNLIKE_REPEATS += "differs ('block' where each is a day or a place)"
 CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
 
 
@@ -397,10 +403,8 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
     for family in (each for each in families.values() if len(each) > 1):
         titles = ", ".join(f"'{column.heading.text}'" for column in family)
         meaning = f"columns {titles} are repeats of one measurement"
-        if any(heading_holds_value(each.heading) for each in family):
-            lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
-            words = PROFILE if lengths else CROSS_TABLE
-            reading.faults.append(f"{reading.cells.file}: columns {titles}: {words}")
+        if fault := fault_of_repeats(family, reading):
+            reading.faults.append(f"{reading.cells.file}: columns {titles}: {fault}")
         elif not reading.interview.ask_yes_or_no(f"Columns {titles}: repeats of one measurement", meaning):
             continue
         repeats |= {column.place for column in family[1:]}
@@ -413,6 +417,18 @@ def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Col
     result = [replace(column, is_repeat=column.place in repeats) for column in columns]
     result = [replace(c, heading=replace(c.heading, repeats=0)) if c.place in numbered else c for c in result]
     return [replace(c, role="remark", firm=True) if c.place in means else c for c in result]
+
+
+def fault_of_repeats(family: Sequence[Column], reading: Reading) -> str:
+    """Why columns are no repeats of one measurement: headings hold values, or all rows differ alike."""
+    if any(heading_holds_value(each.heading) for each in family):
+        lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
+        return PROFILE if lengths else CROSS_TABLE
+    cells = [[reading.number(row[c.place]).value for c in family] for _, row in reading.cells.lines]
+    row, column = np.indices((len(cells), len(family)), dtype=np.float64)
+    logarithm = np.log(np.where(np.array(cells) > 0.0, cells, nan))
+    differ = column_affects_result(column.ravel(), logarithm.ravel(), row.ravel(), CHANCE_OF_REPEATS)
+    return UNLIKE_REPEATS if differ else ""
 
 
 def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:

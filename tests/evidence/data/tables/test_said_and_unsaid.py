@@ -409,6 +409,26 @@ def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
     assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
 
 
+def test_columns_that_differ_in_all_rows_alike_are_no_repeats(tmp_path):
+    def text(rise: float) -> str:
+        rows = "".join(f"{w},{30 + w},{30.4 + w + rise},{29.7 + w - rise}\n" for w in range(6))
+        return (
+            f"moisture (%),angle of repose M1 (deg),angle of repose M2 (deg),angle of repose M3 (deg)\n{rows}"
+        )
+
+    assert "'angle of repose M3 (deg)': they differ more than repeats" in refused(tmp_path, text(2.0))
+    shuffled = text(0.0).replace("33,33.4,32.7", "32.7,33,33.4").replace("35,35.4,34.7", "34.9,34.6,35.3")
+    assert measured(tmp_path, shuffled, "s.csv")[0].size == 18
+
+
+@pytest.mark.parametrize("label", ["MW", "Ср.", "± s", "SD", "CV (%)"])
+def test_a_word_of_a_statistic_among_running_numbers_is_no_measurement(tmp_path, label):
+    rows = "".join(f"{k},{k % 2},{30 + k}\n" for k in range(8))
+    text = f"no.,moisture (%),angle of repose (deg)\n{rows}{label},1,34.0\n"
+    assert f"row 10, '{label}': the row sums up others" in refused(tmp_path, text)
+    assert measured(tmp_path, text.replace(label, "control"), "c.csv")[0].size == 9
+
+
 def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
     rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
     text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}T0 mean,0,30.2,0.5,8\n"
