@@ -47,7 +47,7 @@ from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
 from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.scene.paths import unit_at_path
-from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, range_at
+from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, is_other_kind, range_at
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
@@ -405,7 +405,8 @@ def stated_number_of(option: str, said: str, place: str, unit: str, example: str
 def table_options(wishes: NewStudyOptions) -> TableOptions:
     """What is said of the table, with conditions that are stated by a unit, and names of an own scene.
 
-    A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
+    A condition that every scene has keeps its place, and takes the unit for its column, but for a unit of
+    another quantity. Raises BadInput.
     """
     from taichi_erosion.effect_library import load_library
 
@@ -425,7 +426,9 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
         if unit is None or unit_at_path(place) is not None or place == NOT_USED:
             conditions[text] = place
             continue
-        conditions[text] = CONDITION + own_name(read_heading(text).name, (), 0)
+        name = own_name(read_heading(text).name, (), 0)
+        is_other = is_other_kind(unit, CONDITION + name)
+        conditions[text] = CONDITION + (own_name(f"{name} {unit}", (), 0) if is_other else name)
         own_conditions.setdefault(conditions[text], unit)
     options = replace(said_of, roughness=wishes.roughness, sd=wishes.sd, fill_down=wishes.fill_down)
     options = replace(options, reads=frozenset(READS) if wishes.closed_form else None, complete=True)
