@@ -38,6 +38,7 @@ NUMBERED = re.compile(
 )
 NumbersByHeading = Mapping[str, Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
+LEAST_FREE = 4  # degrees of freedom from which lines say something
 REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at its centre alone
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
@@ -120,7 +121,8 @@ def why_column_is_no_condition(
         return "it counts rows or years"
     if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return RESULT
-    if not is_set_by_hand(heading, values) and any(is_computed_from_result(values, y) for y in results):
+    computed = (is_computed_from_result(values, y) or is_computed_at_each(values, y, others) for y in results)
+    if not is_set_by_hand(heading, values) and any(computed):
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
     same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
@@ -213,6 +215,25 @@ def is_computed_from_result(column: Floats, result: Floats) -> bool:
     variance = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
     rounding = (common_last_digit_size(x) ** 2 + np.mean(steep**2) * common_last_digit_size(y) ** 2) / 12.0
     return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))
+
+
+def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading) -> bool:
+    """Whether a column is computed from a measured quantity and another column, within their last digits.
+
+    As a share of a control or a Shields number: a line of it, or of its square, at each value of that column.
+    """
+    for x in others.values():
+        same = x[:, np.newaxis] == np.unique(x)
+        free = column.size - 2 * same.shape[1]
+        for y, slope in ((result, 1.0), (result**2, 2.0 * result)) if free >= LEAST_FREE else ():
+            basis = np.hstack([same, same * y[:, np.newaxis]])
+            coefficients = np.linalg.lstsq(basis, column)[0]
+            steep = slope * (same @ coefficients[same.shape[1] :])
+            digits = common_last_digit_size(column), common_last_digit_size(result)
+            rounding = (digits[0] ** 2 + np.mean(steep**2) * digits[1] ** 2) / 12.0
+            if np.sum((column - basis @ coefficients) ** 2) < ROUNDED * free * rounding:
+                return True
+    return False
 
 
 def common_last_digit_size(values: Floats) -> float:

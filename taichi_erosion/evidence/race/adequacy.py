@@ -39,14 +39,6 @@ def chi_square_of_fit(fit: Fit) -> float:
     return float(fit.evidence.solution.rows.weight @ fit_residual(fit) ** 2)
 
 
-def misfit_under_errors(fit: Fit, other: Fit) -> float:
-    """Misfit of all rows of a fit under the errors of another, without a smooth discrepancy: y^T V^-1 y."""
-    rows = fit.evidence.solution.rows
-    u = other.evidence.solution.scales_for(rows.scales)
-    u[[k for k, block in enumerate(fit.blocks) if block.kind == "discrepancy"]] = -np.inf
-    return float(rows.y @ rows.at_scales(u).whitened[0])
-
-
 def pure_error_of_repeats(fit: Fit) -> tuple[Floats, Floats]:
     """Squares of repeated rows about their means and their degrees of freedom, by scatter (k,)."""
     rows = fit.evidence.solution.rows

@@ -216,7 +216,7 @@ def test_the_air_of_the_day_and_of_the_site_is_a_listed_effect(tmp_path, column)
 
 
 TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%),d\n" + "".join(
-    f"{name},{u},{f * u:.3g},{f * u + 0.1:.3g},{cover},200 µm\n"
+    f"{name},{u},{f * u:.3g},{f * u + (0.1 if cover else -0.1):.3g},{cover},200 µm\n"
     for name, f in (("A", 9.0), ("B", 5.0))
     for u in (0.3, 0.5, 0.7)
     for cover in (0, 5)
