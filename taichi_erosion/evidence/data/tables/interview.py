@@ -180,10 +180,12 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if answer := reading.interview.choice(question, guess, meaning, read):
         return read(answer)
     option = "condition" if "." in column.near else "observable"
-    advice = f"say --{option} '{stem(column.heading.name)}={column.near}'"
+    advice = f"say --{option} '{stem(column.heading.called)}={column.near}'"
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
+    elif column.heading.unit:
+        advice += f"; as a condition of your own --condition '{column.heading.called}={column.heading.unit}'"
     remedy = known_words()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:

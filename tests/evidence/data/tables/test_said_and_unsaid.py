@@ -242,6 +242,14 @@ def test_words_that_make_another_quantity_are_refused(tmp_path, plain, heading, 
     assert words in refused(tmp_path, HEAD.replace(plain, heading) + rows)
 
 
+@pytest.mark.parametrize("heading", ["moisture at sampling (%)", "Density (g/cm3)", "Ridge angle (°)"])
+def test_a_condition_of_its_own_that_a_refusal_offers_is_one(tmp_path, heading):
+    text = HEAD.replace("moisture [%]", heading) + "".join(f"{d},{w},{u},0.01\n" for d, w, u in SANDS)
+    name, unit = re.findall("of your own --condition '(.*?)=(.*?)'", refused(tmp_path, text))[0]
+    found, _ = measured(tmp_path, text, table_options=TableOptions(conditions={name: unit}))
+    assert {*found.conditions} == {"diameter", name.lower().replace(" ", "_")}
+
+
 def test_words_that_divide_a_condition_into_ranges_are_asked(tmp_path):
     rows = (f"{'wet' if w else 'dry'},{d},{w},{u},0.01\n" for d, w, u in SANDS)
     assert "its words divide 'moisture [%]' into ranges" in refused(tmp_path, f"state,{HEAD}{''.join(rows)}")
