@@ -26,7 +26,7 @@ ROUNDED = 4.0  # variance that is left over that of rounding, up to which both a
 AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
 SET_UNITS = ("kg/m2", "s", "K")  # of doses, ages and temperatures, which follow from no result
 RESULT_UNITS = ("m/s", "Pa", "N", "deg")  # of what does
-RESULT = "it is a result beside the measured quantity"
+RESULT, COUNTS = "it is a result beside the measured quantity", "it counts rows or years"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
@@ -89,9 +89,9 @@ def non_conditions(
     `names` are the headings of known conditions, which are computed from no result or other condition.
     """
     others, why = dict(conditions), dict[str, str]()
-    for heading, values in columns.items():
+    for heading, values in sorted(columns.items(), key=lambda each: counts_rows(each[1])):  # these last
         reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
-        if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT))):
+        if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT, COUNTS))):
             why[heading] = reason
         else:
             others[heading] = np.nan_to_num(values)
@@ -116,8 +116,11 @@ def why_column_is_no_condition(
         return "it is the same in all rows"
     counts = distinct.size == values.size == 1 + np.ptp(values)
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
-    if whole and counts and not any(column_affects_result(values, y, np.zeros(y.size)) for y in results):
-        return "it counts rows or years"
+    in_order = counts_rows(values) and not has_word(heading, known_words()["things"]["n"])
+    in_order &= any(np.ptp(x) > 0.0 for x in others.values())
+    acts = any(column_affects_result(values, y, np.zeros(y.size)) for y in results)
+    if whole and (in_order or (counts and not acts)):
+        return COUNTS
     if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return RESULT
     if not is_set_by_hand(heading, values) and any(is_computed_from_result(values, y) for y in results):
@@ -131,6 +134,11 @@ def why_column_is_no_condition(
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
+
+
+def counts_rows(values: Floats) -> bool:
+    """Whether whole numbers count the rows of a table, in their order."""
+    return values.size > 1 and bool(np.all(np.diff(values) == 1.0) and values[0] == np.round(values[0]))
 
 
 def acts_here_or_alone(values: Floats, result: Floats, others: NumbersByHeading, set_ups: Floats) -> bool:

@@ -175,6 +175,20 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert any(words in each for each in assumed)
 
 
+@pytest.mark.parametrize(
+    ("heading", "kept"), [("Lfd. Nr.", False), ("№ опыта", False), ("age (d)", True), ("passes", True)]
+)
+def test_a_number_that_counts_the_rows_is_no_condition_though_the_result_rises_with_it(
+    tmp_path, heading, kept
+):
+    doses = (0, 1, 2, 4, 6, 8, 12, 16)
+    rows = "".join(f"{k + 1};{x};{30 + 8 * (1 - 0.8**x):.2f};0.2\n" for k, x in enumerate(doses))
+    text = f"{heading};polymer (g/m2);angle of repose (deg);SD\n{rows}"
+    assert len(measured(tmp_path, text)[0].conditions) == 1 + kept
+    alone = re.sub(r"(?m)^([^;]*);[^;]*", r"\1", text)
+    assert len(measured(tmp_path, alone)[0].conditions) == 1, "the only condition is one"
+
+
 def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_below_mean_sd_is_one(tmp_path):
     rows = "".join(f"{w};{d};{30 + d} (0.4)\n" for w in ("dry", "moist", "wet") for d in (2, 3))
     found, assumed = measured(tmp_path, f"moisture;diameter (mm);angle of repose (deg), mean (SD)\n{rows}")
