@@ -323,6 +323,8 @@ def with_one_heading(rows: Lines) -> Lines:
         name, unit = last if under else text, strip_brackets(under)
         if name and unit_in(unit):
             under = "" if read_heading(name).unit else f"[{unit}]"
+        elif meaning_of(symbol := read_heading(under).name)[0] == "sd":
+            under = under.replace(symbol, "SD", 1)  # an `s` alone is one
         headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
     return [(line, headings), *others]
 

@@ -105,8 +105,9 @@ def test_a_column_has_a_name_that_its_owner_knows_again():
 
 
 def test_counts_scatter_and_remarks_are_known_in_their_languages():
-    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Réplicas"}
-    words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; 均方差", "se": "Erreur standard"}
+    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Число повторностей"}
+    words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; Dev. st.; Odch. stand.; s.d.; 標準偏差"}
+    words |= {"se": "Erreur standard; 標準誤差"}
     words |= {"remark": "Notas; Obs.; 日期; Hinweis; Comentário; Anm."}
     roles = {r: {meaning_of(read_heading(text).name)[0] for text in headings(words[r])} for r in words}
     assert roles == {role: {role} for role in words}

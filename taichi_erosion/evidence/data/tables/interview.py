@@ -447,4 +447,10 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             why = f"its numbers are larger than those of '{partner.heading.text}'"
         if why:
             reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
-        yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
+        role = "remark" if why else column.role
+        if role == "sd" and column.heading.unit == "%" != partner.heading.unit:
+            reading.interview.assume(
+                f"column '{column.heading.text}' counts in % of '{partner.heading.text}'"
+            )
+            role = "cv"
+        yield replace(column, role=role, of=-1 if shared else partner.place)

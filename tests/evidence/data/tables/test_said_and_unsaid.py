@@ -243,9 +243,11 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
 @pytest.mark.parametrize(
     ("plain", "heading", "words"),
     [
-        ("SD", "± 95 % confidence", "an interval or a multiple is no scatter"),
-        ("SD", "95% CI", "an interval or a multiple is no scatter"),
-        ("SD", "2 SD", "an interval or a multiple is no scatter"),
+        ("SD", "± 95 % confidence", "is no sd of single repeats"),
+        ("SD", "95% CI", "is no sd of single repeats"),
+        ("SD", "Variance", "is no sd of single repeats"),
+        ("SD", "IQR", "is no sd of single repeats"),
+        ("SD", "2 SD", "is no sd of single repeats"),
         ("u*t", "u*t x 10^2", "its numbers count in a power of ten"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
