@@ -17,6 +17,7 @@ from taichi_erosion.tables.headings import (
     known_words,
     plain_words,
     read_heading,
+    words_of,
 )
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
@@ -206,7 +207,7 @@ def is_set_by_hand(heading: str, values: Floats) -> bool:
     kind = parse_scale(unit).kind if unit else ()
     is_round = all(x == float(f"{x:.1e}") for x in levels)
     if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:
-        return not has_word(heading, known_words()["computed"]["words"])
+        return not has_word(heading, words_of("computed"))
     return bool(np.ptp(np.diff(levels)) < 1e-6 * np.ptp(levels) / levels.size)
 
 

@@ -114,7 +114,7 @@ FOREIGN = {
         angles(31, 32.5, 33, 34, unit="deg"),
     ),
     "scatter behind the sign": (
-        "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 +/- 0,7;5\n",
+        "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 (+/- 0,7);5\n",
         [("repose_angle", 31.2, 0.8, 5, "°"), ("repose_angle", 30.1, 0.7, 5, "°")],
     ),
     "standard errors": (

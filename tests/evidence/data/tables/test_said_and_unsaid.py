@@ -248,6 +248,8 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
         ("SD", "Variance", "is no sd of single repeats"),
         ("SD", "IQR", "is no sd of single repeats"),
         ("SD", "2 SD", "is no sd of single repeats"),
+        ("u*t [m/s],SD [m/s]", "τc [Pa],SD [Pa]", "give u*t = (stress / density of air)^1/2"),
+        ("u*t [m/s],SD [m/s]", "tan of repose angle,SD", "write it behind each"),
         ("u*t", "u*t x 10^2", "its numbers count in a power of ten"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
