@@ -30,6 +30,7 @@ POWER = re.compile(rf"(?<=\d)\s*(?:{BASE}([-+]?\d+)\)?|[eE]\s*([-+]\d+))(?!\d)")
 RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
 RAISED_POINT = re.compile(r"(?<=\d)[·‧](?!10\d)(?=\d)")
 MINUTES = re.compile(r"(\d+)\s*[°º]\s*([0-5]?\d)\s*['′’]")  # of an angle
+IN_BRACKETS = re.compile(r"\((\s*(?:±|\+/-|\+-)[^()]*)\)")  # scatter
 UP_TO = re.compile(r"^(?:bis(?: zu)?|up to|jusqu'à|hasta|fino a|até|до)\s+(?=\d)", re.IGNORECASE)  # a limit
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 DATE = re.compile(
@@ -55,7 +56,8 @@ class CellNumber:
 
 def plain_cell(text: str) -> str:
     """A cell with one kind of minus, point and limits, powers of ten as `5.7e-1`, and minutes as degrees."""
-    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
+    bare = IN_BRACKETS.sub(r"\1", text.strip())
+    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", bare)
     powers = POWER.sub(lambda power: f"e{power[1] or power[2]}", UP_TO.sub("<", raised.translate(SIGNS)))
     degrees = MINUTES.sub(lambda angle: f"{int(angle[1]) + int(angle[2]) / 60.0:.5g}°", powers)
     return RAISED_POINT.sub(".", degrees)

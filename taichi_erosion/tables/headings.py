@@ -80,6 +80,11 @@ class Heading:
     law: str = ""  # of LAWS, by which the numbers become those of `unit`
     repeats: int = 0  # `(n = 5)`: of which every number is the mean; 0: none is stated
 
+    @property
+    def called(self) -> str:
+        """Its name as the file has it, else the whole of its text."""
+        return self.name if self.name in self.text else self.text
+
 
 def read_heading(text: str) -> Heading:
     """Name and unit of a heading; words in brackets stay in the name."""
@@ -117,7 +122,7 @@ def unit_and_words(text: str) -> tuple[str, str]:
         return unit[0], " ".join((unit[1], *weighed)).strip()
     if BRACKETS.search(text) and (nested := read_heading(text)).unit:
         return nested.unit, nested.name
-    for match in SEPARATOR.finditer(text):
+    for match in reversed([*SEPARATOR.finditer(text)]):
         first, rest = text[: match.start()], text[match.end() :]
         is_stated = match[0].strip() in (",", ";", ":") or is_surely_a_unit(first)
         if is_stated and not unit_in(rest) and (spelt := unit_in(first)):

@@ -17,6 +17,7 @@ from taichi_erosion.tables.headings import (
     known_words,
     plain_words,
     read_heading,
+    words_of,
 )
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
@@ -26,7 +27,7 @@ ROUNDED = 4.0  # variance that is left over that of rounding, up to which both a
 AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
 SET_UNITS = ("kg/m2", "s", "K")  # of doses, ages and temperatures, which follow from no result
 RESULT_UNITS = ("m/s", "Pa", "N", "deg")  # of what does
-RESULT = "it is a result beside the measured quantity"
+RESULT, COUNTS = "it is a result beside the measured quantity", "it counts rows or years"
 ABOVE = re.compile(
     r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
     r"|(?:height|hohe) (?:above|over|uber) .*"
@@ -90,9 +91,9 @@ def non_conditions(
     `names` are the headings of known conditions, which are computed from no result or other condition.
     """
     others, why = dict(conditions), dict[str, str]()
-    for heading, values in columns.items():
+    for heading, values in sorted(columns.items(), key=lambda each: counts_rows(each[1])):  # these last
         reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
-        if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT))):
+        if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT, COUNTS))):
             why[heading] = reason
         else:
             others[heading] = np.nan_to_num(values)
@@ -117,8 +118,11 @@ def why_column_is_no_condition(
         return "it is the same in all rows"
     counts = distinct.size == values.size == 1 + np.ptp(values)
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
-    if whole and counts and not any(column_affects_result(values, y, np.zeros(y.size)) for y in results):
-        return "it counts rows or years"
+    in_order = counts_rows(values) and not has_word(heading, known_words()["things"]["n"])
+    in_order &= any(np.ptp(x) > 0.0 for x in others.values())
+    acts = any(column_affects_result(values, y, np.zeros(y.size)) for y in results)
+    if whole and (in_order or (counts and not acts)):
+        return COUNTS
     if is_summary_word(re.sub(r"\s*[\[(].*", "", heading)) or RESULTS.search(plain_words(heading)):
         return RESULT
     computed = (is_computed_from_result(values, y) or is_computed_at_each(values, y, others) for y in results)
@@ -133,6 +137,11 @@ def why_column_is_no_condition(
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
+
+
+def counts_rows(values: Floats) -> bool:
+    """Whether whole numbers count the rows of a table, in their order."""
+    return values.size > 1 and bool(np.all(np.diff(values) == 1.0) and values[0] == np.round(values[0]))
 
 
 def acts_here_or_alone(values: Floats, result: Floats, others: NumbersByHeading, set_ups: Floats) -> bool:
@@ -200,7 +209,7 @@ def is_set_by_hand(heading: str, values: Floats) -> bool:
     kind = parse_scale(unit).kind if unit else ()
     is_round = all(x == float(f"{x:.1e}") for x in levels)
     if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:
-        return not has_word(heading, known_words()["computed"]["words"])
+        return not has_word(heading, words_of("computed"))
     return bool(np.ptp(np.diff(levels)) < 1e-6 * np.ptp(levels) / levels.size)
 
 

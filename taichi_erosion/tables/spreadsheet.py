@@ -54,7 +54,7 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
-MARK = r"(?:[a-h]{1,4}|[A-H]{1,4}|\*{1,4})?"  # of groups that do not differ; of significance
+MARK = r"(?:[a-h]{1,4}|[A-H]{1,4})?[*†‡§]{0,4}"  # of groups that do not differ; of significance
 MARKED = re.compile(
     rf"(?P<value>[<>]?\s*{NUMBER})\s*(?P<mark>{MARK})(?P<sd>\s*(?:±|\+/-|\+-)\s*{NUMBER})?\s*(?P<last>{MARK})"
 )
@@ -109,7 +109,12 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     titles = [" ".join(cells) for _, cells in rows[:start]]
-    while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
+    most = max(filled_width(rows[start][1]) if rows else 0, 2)
+    while (
+        len(rows) > 1
+        and len(cells := [*filter(None, rows[-1][1])]) < most
+        and not any(map(is_quantity, cells))
+    ):
         titles += rows.pop()[1]  # a footnote
     bare = tuple(trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults))
     full = tuple(accumulate(bare, lambda up, row: (row[0], cells_with_dittos(up[1], row[1]))))
@@ -323,6 +328,8 @@ def with_one_heading(rows: Lines) -> Lines:
         name, unit = last if under else text, strip_brackets(under)
         if name and unit_in(unit):
             under = "" if read_heading(name).unit else f"[{unit}]"
+        elif meaning_of(symbol := read_heading(under).name)[0] == "sd":
+            under = under.replace(symbol, "SD", 1)  # an `s` alone is one
         headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
     return [(line, headings), *others]
 
@@ -383,7 +390,7 @@ def apply_number_laws(cells: Cells) -> Cells:
         letters = {sign for match in matches if match for sign in match["mark"] + match["last"]}
         plain = content
         # of groups that do not differ, `27.9a`: an 'a' is among them, which is no unit, or two capital ones
-        if "a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1:
+        if "a" in letters or set() < letters <= {*"*†‡§"} or len(letters & set("ABCDEFGH")) > 1:
             pairs = zip(matches, content, strict=True)
             plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
         column[1:] = [cell_in_column_unit(cell, heading, cells.decimal_comma) for cell in plain]

@@ -21,7 +21,7 @@ repose_angle: angle of repose, mean ± SD (deg.) -> deg; AoR of 5 tests ° -> °
 repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
 threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
 conditions.fetch: Distance from leading edge (m) -> m; Field length (m) -> m
-conditions.moisture: Humidity of sand (%) -> %
+conditions.moisture: Humidity of sand (%) -> %; moisture before the run (%) -> %; 试验前含水率 (%) -> %
 threshold_u_star: friction velocity at threshold (m/s) -> m/s
 threshold_u_star: u*tR (m/s) -> m/s; critical u*t (m/s) -> m/s; 临界起沙摩阻风速 (m/s) -> m/s
 conditions.friction_velocity: ust (m/s) -> m/s
@@ -47,6 +47,8 @@ CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
 relative moisture (%); air moisture (%); moisture increase (%); moisture (% of field capacity)
 moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; repose angle, mean ± SE (deg)
+moisture at sampling (%); Water sprayed (%); Anfangsfeuchte (%); humedad inicial (%); влажность до сушки (%)
+Moulding water content (%); Feuchte bei Krustenbildung (%); humidité avant séchage (%); 初始含水率 (%)
 u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
 UNKNOWN = """
@@ -103,8 +105,9 @@ def test_a_column_has_a_name_that_its_owner_knows_again():
 
 
 def test_counts_scatter_and_remarks_are_known_in_their_languages():
-    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Réplicas"}
-    words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; 均方差", "se": "Erreur standard"}
+    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Число повторностей"}
+    words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; Dev. st.; Odch. stand.; s.d.; 標準偏差"}
+    words |= {"se": "Erreur standard; 標準誤差"}
     words |= {"remark": "Notas; Obs.; 日期; Hinweis; Comentário; Anm."}
     roles = {r: {meaning_of(read_heading(text).name)[0] for text in headings(words[r])} for r in words}
     assert roles == {role: {role} for role in words}

@@ -45,8 +45,8 @@ def test_an_interval_is_a_single_number_where_its_middle_is_asked_for():
 @pytest.mark.parametrize(
     ("heading", "content", "wanted"),
     [
-        ("repose angle (deg)", ["27.9 ± 0.4a", "31.2 b", "30"], [27.9, 31.2, 30.0]),
-        ("flux (g/m/s)", ["0.40*", "0.50**", "0.3"], [0.4, 0.5, 0.3]),
+        ("repose angle (deg)", ["27.9 ± 0.4a†", "31.2 b*", "30"], [27.9, 31.2, 30.0]),
+        ("flux (g/m/s)", ["0.40*", "0.50‡", "0.3"], [0.4, 0.5, 0.3]),
         ("d50 (phi)", ["2", "2-3", "x"], [0.25, 0.1875, nan]),
         ("mesh", ["40", "40/60", "42"], [0.425, 0.3375, 42.0]),
         ("tan(repose angle)", ["0.6", "1"], [degrees(atan(0.6)), 45.0]),

@@ -249,7 +249,7 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
-        yield f"{where}: an interval or a multiple is no scatter: give the sd of single repeats; {UNUSED}"
+        yield f"{where}: is no sd of single repeats: give that (variance^1/2, IQR / 1.35); {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     first = next((row[column.place] for _, row in cells.lines if row[column.place]), "")

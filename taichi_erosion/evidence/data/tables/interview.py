@@ -49,6 +49,7 @@ from taichi_erosion.tables.headings import (
     meaning_of,
     plain_words,
     word_length,
+    words_of,
 )
 from taichi_erosion.tables.number_columns import (
     AGAIN,
@@ -76,6 +77,7 @@ ASKED, COMPUTED = "asked", "begin its heading with 'note' if it is computed from
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
+STRESS = "of a threshold shear stress give u*t = (stress / density of air)^1/2 [m/s] and its sd; "
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 CHANCE_OF_REPEATS = 1e-3  # p of columns that differ, below which they are no repeats
 UNLIKE_REPEATS = (
@@ -111,10 +113,11 @@ def understand_columns(
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
     columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
-        names = ", ".join(options.measures or options.observables)
+        names = ", ".join(options.measures or options.observables) or "its own"
+        stress = any(has_word(each.heading.name, known_words()["computed"]["stress"]) for each in columns)
         faults.append(
-            f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {names or 'its own'}; "
+            f"{cells.file}: no column is known as a measured quantity; {STRESS * stress}say which one is: "
+            f"--observable 'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {names}; "
             f"{CROSS_TABLE}"
         )
     columns = [check_column_unit(find_or_ask_unit(column, reading), reading) for column in columns]
@@ -186,10 +189,12 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if answer := reading.interview.choice(question, guess, meaning, read):
         return read(answer)
     option = "condition" if "." in column.near else "observable"
-    advice = f"say --{option} '{stem(column.heading.name)}={column.near}'"
+    advice = f"say --{option} '{stem(column.heading.called)}={column.near}'"
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
+    elif column.heading.unit:
+        advice += f"; as a condition of your own --condition '{column.heading.called}={column.heading.unit}'"
     remedy = known_words()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
@@ -254,7 +259,8 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         if used and MULTIPLE.search(column.heading.text):
             wrong = "its numbers count in a power of ten: write them in the unit itself"
         if alike and column.role in ("sd", "se", "cv", "condition_sd"):
-            wrong = f"its numbers turn with those of '{alike[0].heading.text}': write them there, behind ±"
+            with_value = "whose values are converted: write it behind each, '0.65 ± 0.01'"
+            wrong = f"scatter of '{alike[0].heading.text}', {with_value}"
         if used:
             earlier.setdefault(column.name, column.heading.text)
         yield reading.reject(column, wrong) if wrong else column
@@ -303,7 +309,7 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
     why = non_conditions(cells, results, by_heading, set_ups, conditions)
     for text in (text for text, reason in why.items() if reason == AGAIN):
-        computed = has_word(text, known_words()["computed"]["words"]) and (others or len(why) < len(cells))
+        computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
     if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason != ASKED]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
@@ -461,4 +467,10 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             why = f"its numbers are larger than those of '{partner.heading.text}'"
         if why:
             reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
-        yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
+        role = "remark" if why else column.role
+        if role == "sd" and column.heading.unit == "%" != partner.heading.unit:
+            reading.interview.assume(
+                f"column '{column.heading.text}' counts in % of '{partner.heading.text}'"
+            )
+            role = "cv"
+        yield replace(column, role=role, of=-1 if shared else partner.place)

@@ -78,7 +78,7 @@ def angles(*values: float, unit: str = "°") -> list[tuple]:
 MERGED = workbook(
     (
         ("sample", "moisture", "angle of repose", None, None, "run-out", None),
-        (None, "%", "mean [deg]", "SD [deg]", "n", "mean [mm]", "SD [mm]"),
+        (None, "%", "mean [deg]", "s [deg]", "n", "mean [mm]", "SD [mm]"),
         *(("A", 0, 31, 0.7, 5, 120, 3), ("B", 1, 33, 0.8, 6, 110, 4)),
     ),
     merged=("C1:E1", "F1:G1"),
@@ -114,7 +114,7 @@ FOREIGN = {
         angles(31, 32.5, 33, 34, unit="deg"),
     ),
     "scatter behind the sign": (
-        "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 +/- 0,7;5\n",
+        "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 (+/- 0,7);5\n",
         [("repose_angle", 31.2, 0.8, 5, "°"), ("repose_angle", 30.1, 0.7, 5, "°")],
     ),
     "standard errors": (
@@ -126,7 +126,7 @@ FOREIGN = {
             f"moisture [%];repose angle [deg];{heading}\n0;50;{0.02 if heading == 'CV' else 2}\n",
             [("repose_angle", 50.0, 1.0, None, "deg")],
         )
-        for heading in ("CV [%]", "RSD in %", "Variationskoeffizient", "CV")
+        for heading in ("CV [%]", "SD (%)", "RSD in %", "Variationskoeffizient", "CV")
     },
     "scatter of quantities that are not used": (
         "moisture [%];repose angle [deg];shininess [mm];SD;tau;sigma_tau;n\n0;31;5;0.2;1;0.1;5\n",

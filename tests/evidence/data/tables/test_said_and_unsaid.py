@@ -175,6 +175,20 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert any(words in each for each in assumed)
 
 
+@pytest.mark.parametrize(
+    ("heading", "kept"), [("Lfd. Nr.", False), ("№ опыта", False), ("age (d)", True), ("passes", True)]
+)
+def test_a_number_that_counts_the_rows_is_no_condition_though_the_result_rises_with_it(
+    tmp_path, heading, kept
+):
+    doses = (0, 1, 2, 4, 6, 8, 12, 16)
+    rows = "".join(f"{k + 1};{x};{30 + 8 * (1 - 0.8**x):.2f};0.2\n" for k, x in enumerate(doses))
+    text = f"{heading};polymer (g/m2);angle of repose (deg);SD\n{rows}"
+    assert len(measured(tmp_path, text)[0].conditions) == 1 + kept
+    alone = re.sub(r"(?m)^([^;]*);[^;]*", r"\1", text)
+    assert len(measured(tmp_path, alone)[0].conditions) == 1, "the only condition is one"
+
+
 def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_below_mean_sd_is_one(tmp_path):
     rows = "".join(f"{w};{d};{30 + d} (0.4)\n" for w in ("dry", "moist", "wet") for d in (2, 3))
     found, assumed = measured(tmp_path, f"moisture;diameter (mm);angle of repose (deg), mean (SD)\n{rows}")
@@ -229,9 +243,13 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
 @pytest.mark.parametrize(
     ("plain", "heading", "words"),
     [
-        ("SD", "± 95 % confidence", "an interval or a multiple is no scatter"),
-        ("SD", "95% CI", "an interval or a multiple is no scatter"),
-        ("SD", "2 SD", "an interval or a multiple is no scatter"),
+        ("SD", "± 95 % confidence", "is no sd of single repeats"),
+        ("SD", "95% CI", "is no sd of single repeats"),
+        ("SD", "Variance", "is no sd of single repeats"),
+        ("SD", "IQR", "is no sd of single repeats"),
+        ("SD", "2 SD", "is no sd of single repeats"),
+        ("u*t [m/s],SD [m/s]", "τc [Pa],SD [Pa]", "give u*t = (stress / density of air)^1/2"),
+        ("u*t [m/s],SD [m/s]", "tan of repose angle,SD", "write it behind each"),
         ("u*t", "u*t x 10^2", "its numbers count in a power of ten"),
         ("moisture [%]", "moisture [% FC]", "'fc' makes it another quantity"),
         ("u*t", "u*t for dust emission", "'emission' makes it another quantity"),
@@ -240,6 +258,14 @@ def test_a_measured_condition_that_repeats_follow_or_hardly_any_row_repeats_is_k
 def test_words_that_make_another_quantity_are_refused(tmp_path, plain, heading, words):
     rows = "".join(f"{d},{w},{u},0.01\n" for d, w, u in SANDS)
     assert words in refused(tmp_path, HEAD.replace(plain, heading) + rows)
+
+
+@pytest.mark.parametrize("heading", ["moisture at sampling (%)", "Density (g/cm3)", "Ridge angle (°)"])
+def test_a_condition_of_its_own_that_a_refusal_offers_is_one(tmp_path, heading):
+    text = HEAD.replace("moisture [%]", heading) + "".join(f"{d},{w},{u},0.01\n" for d, w, u in SANDS)
+    name, unit = re.findall("of your own --condition '(.*?)=(.*?)'", refused(tmp_path, text))[0]
+    found, _ = measured(tmp_path, text, table_options=TableOptions(conditions={name: unit}))
+    assert {*found.conditions} == {"diameter", name.lower().replace(" ", "_")}
 
 
 def test_words_that_divide_a_condition_into_ranges_are_asked(tmp_path):
