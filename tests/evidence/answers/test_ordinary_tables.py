@@ -249,6 +249,20 @@ def test_what_is_told_of_a_condition_is_what_the_rows_show_of_it(tmp_path):
     assert [each.shape for each in answer(study).record.curves if each.condition == "moisture"] == ["rises"]
 
 
+def test_sites_of_one_moisture_each_do_not_refute_what_moisture_does(tmp_path):
+    fine = [0.231, 0.294, 0.328, 0.355, 0.379, 0.409]  # m s-1, of another program, with noise
+    coarse = [0.298, 0.384, 0.440, 0.482, 0.509, 0.554]
+    rows = [
+        f"Site {k + 1},{w},{d},{u[k]},{0.025 * u[k]:.3f},4"
+        for k, w in enumerate((0.0, 0.4, 0.8, 1.2, 1.8, 2.5))
+        for d, u in ((0.2, fine), (0.35, coarse))
+    ]
+    study = study_of(tmp_path, "", "\n".join(["Site,Moisture (%),d (mm),u*t (m/s),SD,n", *rows, ""]))
+    record = answer(study).record
+    assert record.named == ("liquid_bridge",)
+    assert record.refuted == ()
+
+
 @pytest.mark.parametrize("heading", ["植被盖度", "Растительный покров", "Φυτοκάλυψη"])
 def test_an_answer_speaks_of_a_column_in_the_script_of_its_owner(tmp_path, heading):
     rows = [f"{d};{c};{0.2 * (d / 0.2) ** 0.5 * (1 + 0.06 * c)}" for d in (0.2, 0.4) for c in range(0, 13, 3)]

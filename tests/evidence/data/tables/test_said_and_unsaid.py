@@ -435,6 +435,18 @@ def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
     assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
 
 
+@pytest.mark.parametrize("power", [1, 2])
+def test_a_column_computed_from_the_result_and_a_condition_is_asked(tmp_path, power):
+    levels = [(w, d) for w in range(5) for d in (0.2, 0.4)]
+    rows = [(w, d, 0.5 * d**0.5 * (1 + w**0.5) + 0.01 * ((3 * w + d) % 0.7)) for w, d in levels]
+    lines = [f"{w},{d},{u:.3f},{0.01 * u:.3f},{u**power / d:.3f}" for w, d, u in rows]
+    text = "\n".join(["moisture (%),d (mm),u*t (m/s),SD,number B", *lines, ""])
+    assert "column 'number B': it follows the measured quantity" in refused(tmp_path, text)
+    others = [f"{line.rpartition(',')[0]},{k * 7 % 10}" for k, line in enumerate(lines)]
+    kept = measured(tmp_path, "\n".join([text.partition("\n")[0], *others, ""]), "o.csv")[0]
+    assert kept.size == 10
+
+
 def test_columns_that_differ_in_all_rows_alike_are_no_repeats(tmp_path):
     def text(rise: float) -> str:
         rows = "".join(f"{w},{30 + w},{30.4 + w + rise},{29.7 + w - rise}\n" for w in range(6))
