@@ -232,7 +232,7 @@ def test_words_that_tell_alike_rows_apart_name_set_ups_and_a_cover_of_grass_is_n
 
 def test_medium_sand_is_no_mean_and_a_mean_is_refused(tmp_path):
     sands = [f"{name};{w};{30 + w};0,8;3" for name in ("fina", "média") for w in (0, 2)]
-    table = "\n".join(["Areia;Umidade (%);Ângulo de repouso (°);SD;n", *sands[:2], "média;1;31;0,8;3", ""])
+    table = "\n".join(["Areia;Umidade (%);Ângulo de repouso (°);SD;n", *sands[:2], "média;3;33;0,8;3", ""])
     assert study_of(tmp_path, "", table).problem.measurements.size == 3
     with pytest.raises(BadInput, match="sums up others"):
         study_of(tmp_path, "", "\n".join([table.partition("\n")[0], *sands, ""]))

@@ -363,7 +363,8 @@ def check_column_unit(column: Column, reading: Reading) -> Column:
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
-        words = f"{column.name} counts in {counted}; give it in that unit{tangent}"
+        remedy = known_words()["remedies"].get(column.name, ("give it in that unit",))[0]
+        words = f"{column.name} counts in {counted}; {remedy}{tangent}"
         option = f"--condition '{heading.name}={heading.unit}'"
         return reading.reject(column, f"{words}, or say {option} where it is another quantity")
     based = heading.law or has_word(heading.text, known_words()["bases"]["dry"])
