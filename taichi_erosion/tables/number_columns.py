@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import chdtrc, fdtrc
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
@@ -240,7 +240,7 @@ def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading
             steep = slope * (same @ coefficients[same.shape[1] :])
             digits = common_last_digit_size(column), common_last_digit_size(result)
             rounding = (digits[0] ** 2 + np.mean(steep**2) * digits[1] ** 2) / 12.0
-            if np.sum((column - basis @ coefficients) ** 2) < ROUNDED * free * rounding:
+            if chdtrc(free, np.sum((column - basis @ coefficients) ** 2) / max(rounding, 1e-300)) > CHANCE:
                 return True
     return False
 
