@@ -110,8 +110,7 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     titles = [" ".join(cells) for _, cells in rows[:start]]
-    most = max(filled_width(rows[start][1]) if rows else 0, 2)
-    while len(rows) > 1 and len(rest := {*rows[-1][1]} - {""}) < most and not any(map(is_quantity, rest)):
+    while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
     bare = tuple(trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults))
     full = tuple(accumulate(bare, lambda up, row: (row[0], cells_with_dittos(up[1], row[1]))))
