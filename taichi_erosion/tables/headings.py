@@ -80,11 +80,6 @@ class Heading:
     law: str = ""  # of LAWS, by which the numbers become those of `unit`
     repeats: int = 0  # `(n = 5)`: of which every number is the mean; 0: none is stated
 
-    @property
-    def called(self) -> str:
-        """Its name as the file has it, else the whole of its text."""
-        return self.name if self.name in self.text else self.text
-
 
 def read_heading(text: str) -> Heading:
     """Name and unit of a heading; words in brackets stay in the name."""

@@ -65,6 +65,7 @@ DITTO = re.compile(
     r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
     re.IGNORECASE,
 )
+ONE_ROW = "write one row per sample, with a column for each quantity, its unit in the heading"
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
@@ -109,12 +110,7 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     titles = [" ".join(cells) for _, cells in rows[:start]]
-    most = max(filled_width(rows[start][1]) if rows else 0, 2)
-    while (
-        len(rows) > 1
-        and len(cells := [*filter(None, rows[-1][1])]) < most
-        and not any(map(is_quantity, cells))
-    ):
+    while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
     bare = tuple(trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults))
     full = tuple(accumulate(bare, lambda up, row: (row[0], cells_with_dittos(up[1], row[1]))))
@@ -137,6 +133,9 @@ def name_tidy_columns(cells: Cells) -> Cells:
     columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
     meanings = [[meaning_of(cell) for cell in column[1:]] for column in columns]
     long = [k for k, each in enumerate(meanings) if each and {role for role, _ in each} == {"observable"}]
+    for each, column in zip(meanings, columns, strict=True) if "observable" not in plain else ():
+        if {"observable", "condition"} <= {role for role, _ in each} and 2 * len({*column}) <= len(column):
+            raise BadInput(f"{cells.file}: its quantities stand in rows, below '{column[0]}': {ONE_ROW}")
     if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(str.isidentifier, columns[long[0]])):
         return cells
     for column, heading in zip(columns, map(read_heading, cells.heading), strict=True):

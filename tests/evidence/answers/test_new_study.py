@@ -79,7 +79,7 @@ WRONG_FILES = [
     (changed("0,7;5", "0,7;0"), "row 2, n = '0'", "a whole number from 1"),
     (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
     (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
-    (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "in a column in °"),
+    (changed("SD [°]", "SD [mm]"), "row 2, SD [mm]", "in a column in °"),
     (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
     (
         changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),

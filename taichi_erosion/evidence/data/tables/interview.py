@@ -189,12 +189,12 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     if answer := reading.interview.choice(question, guess, meaning, read):
         return read(answer)
     option = "condition" if "." in column.near else "observable"
-    advice = f"say --{option} '{stem(column.heading.called)}={column.near}'"
+    advice = f"say --{option} '{text}={column.near}'"
     if not reading.options.measures:  # a study says itself what there is
         choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
         advice = f"head it '{choice}', or name it in [columns] of the study"
-    elif column.heading.unit:
-        advice += f"; as a condition of your own --condition '{column.heading.called}={column.heading.unit}'"
+    elif column.heading.unit and not range_of(CONDITION + own_name(column.heading.name, (), 0)):
+        advice += f"; as a condition of your own --condition '{text}={column.heading.unit}'"
     remedy = known_words()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
@@ -259,8 +259,7 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         if used and MULTIPLE.search(column.heading.text):
             wrong = "its numbers count in a power of ten: write them in the unit itself"
         if alike and column.role in ("sd", "se", "cv", "condition_sd"):
-            with_value = "whose values are converted: write it behind each, '0.65 ± 0.01'"
-            wrong = f"scatter of '{alike[0].heading.text}', {with_value}"
+            wrong = f"'{alike[0].heading.text}' is converted: write scatter behind each value, '0.65 ± 0.01'"
         if used:
             earlier.setdefault(column.name, column.heading.text)
         yield reading.reject(column, wrong) if wrong else column
@@ -469,8 +468,6 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
         role = "remark" if why else column.role
         if role == "sd" and column.heading.unit == "%" != partner.heading.unit:
-            reading.interview.assume(
-                f"column '{column.heading.text}' counts in % of '{partner.heading.text}'"
-            )
+            reading.interview.assume(f"'{column.heading.text}' counts in % of '{partner.heading.text}'")
             role = "cv"
         yield replace(column, role=role, of=-1 if shared else partner.place)
