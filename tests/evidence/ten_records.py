@@ -8,14 +8,7 @@ import numpy as np
 from taichi_erosion.evidence import record
 from taichi_erosion.evidence.answers.summary import mechanism_parts
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.record import (
-    DecisionPart,
-    EffectPart,
-    Interval,
-    LevelPart,
-    ParameterPart,
-    PlacePart,
-)
+from taichi_erosion.evidence.record import EffectPart, Interval, LevelPart, ParameterPart, PlacePart
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.scene.schema.units import Scale
 
@@ -81,7 +74,7 @@ def present(strength: Interval, chance: float = 0.99) -> EffectPart:
 def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> dict:
     """Fields of a decision that something is missing."""
     shares = {key.replace("__", "+"): p for key, p in probabilities.items()}
-    decision = DecisionPart(
+    decision = record.DecisionPart(
         verdict=verdict,
         **{"named": named, "group": group, "acting_mechanisms": mechanisms},
         **{"probabilities": shares, "p": 1e-4, "unlisted": shares.get("outside_library", 0.0)},
