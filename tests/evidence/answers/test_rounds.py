@@ -228,10 +228,8 @@ def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_m
     rows = on_function(*MECHANISM).posterior.race.prepared.rows.size
     assert more, "at least one of four was open"
     assert all(times in (2, 4, 8) and size < rows and settings == 2 for times, size, settings in more)
-    assert all(
-        not fresh_test.leaves_mechanisms_open(part) or part.runs > (fresh_test.CLOSER - 1) * 3 * SEEDS
-        for part in parts
-    )
+    spent = (fresh_test.CLOSER - 1) * 3 * SEEDS
+    assert all(not fresh_test.leaves_mechanisms_open(part) or part.runs > spent for part in parts)
     calls.clear()
     asked(1.0, case=MECHANISM)
     assert [times for times, *_ in calls] == [1], "confirmed at once"
@@ -282,9 +280,7 @@ def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
 
 def test_without_room_for_runs_nothing_is_said():
     found, spent = on_function(SINGLE), FreshCampaign((), frozenset("abc"), 0)
-    part, keys = fresh_test.run_fresh_test(
-        found.posterior, found.decision, lambda *_: spent, lambda words, share: None
-    )
+    part, keys = fresh_test.run_fresh_test(found.posterior, found.decision, lambda *_: spent, no_progress)
     assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
 
 
