@@ -96,15 +96,13 @@ def test_the_first_use_makes_the_environment_and_later_ones_do_not(tree):
     (installation,) = [line for line in tree.asked.read_text().splitlines() if line.startswith("pip")]
     assert installation.endswith("--editable .[test] --constraint constraints.txt")
     assert tree.installations() == ["venv", "pip"]
-    assert tree.call("run", "a scene.toml", "--json").stdout == first.stdout
-    assert tree.installations() == []
+    assert (tree.call("run", "a scene.toml", "--json").stdout, tree.installations()) == (first.stdout, [])
 
 
 def test_an_environment_that_is_a_link_is_used_as_it_is(used, tmp_path):
     (used.root / ".venv").symlink_to((used.root / ".venv").rename(tmp_path / "environment"))
     (used.root / "constraints.txt").write_text("numpy==2.4.7\n")
-    assert used.call("run").stdout == "taichi-erosion run\n"
-    assert used.installations() == []
+    assert (used.call("run").stdout, used.installations()) == ("taichi-erosion run\n", [])
 
 
 @pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt"])
@@ -123,20 +121,17 @@ def test_an_environment_made_by_hand_is_adopted(tree):
     programs = tree.root / ".venv" / "bin"
     programs.mkdir(parents=True)
     (programs / "python").symlink_to(sys.executable)
-    assert tree.call("run").returncode == 0
-    assert tree.installations() == ["pip"]
+    assert (tree.call("run").returncode, tree.installations()) == (0, ["pip"])
 
 
 def test_an_interrupted_set_up_is_begun_again(tree):
     failed = tree.call("run", BROKEN_NETWORK="1")
-    assert failed.returncode == 1
-    assert failed.stdout == ""
+    assert (failed.returncode, failed.stdout) == (1, "")
     assert "set-up failed with exit code 7" in failed.stderr
     tree.installations()
     remains = tree.root / ".venv" / "remains"
     remains.touch()
-    assert tree.call("run").returncode == 0
-    assert tree.installations() == ["venv", "pip"]
+    assert (tree.call("run").returncode, tree.installations()) == (0, ["venv", "pip"])
     assert not remains.exists()
 
 
@@ -144,8 +139,7 @@ def test_an_environment_whose_python_is_gone_or_whose_tree_was_moved_is_made_aga
     python = used.root / ".venv" / "bin" / "python"
     python.unlink()
     python.symlink_to("/nowhere/python")
-    assert used.call("run").returncode == 0
-    assert used.installations() == ["venv", "pip"]
+    assert (used.call("run").returncode, used.installations()) == (0, ["venv", "pip"])
     used.root = used.root.rename(used.root.with_name("moved tree"))
     assert "made for another folder" in used.call("run").stderr
     assert used.installations() == ["venv", "pip"]
@@ -194,8 +188,7 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
 
 def test_words_after_test_go_to_pytest_alone_from_the_root_and_bytecode_is_kept_for_it(tree, tmp_path):
     answer = tree.call("test", "-k", "two words", cwd=tmp_path, FAILING="pytest", PYTHONDONTWRITEBYTECODE="1")
-    assert answer.returncode == 4
-    assert answer.stdout == "pytest -k two words\n"
+    assert (answer.returncode, answer.stdout) == (4, "pytest -k two words\n")
     assert f"in {tree.root}\n" in answer.stderr
     assert "bytecode of modules: kept\n" in answer.stderr
     # any other command runs where it was typed

@@ -142,18 +142,13 @@ def run(
     options = {name: entries.pop(name) for name in OPTIONS if name in entries}
     overrides = changes_as_overrides(changes, entries, OPTIONS)
     with tempfile.TemporaryDirectory() as folder, progress_bar("running") as report:
-        run_options = RunOptions(
-            overrides=overrides,
-            record=None if isinstance(record, bool) else Path(record),
-            no_record=record is False,
-            effect_files=tuple(Path(file) for file in effect_files),
-            progress=report,
-            **options,
-        )
+        recording = None if isinstance(record, bool) else Path(record)
+        outputs: dict[str, Any] = {"record": recording, "no_record": record is False, "progress": report}
+        inputs: dict[str, Any] = {"overrides": overrides, "effect_files": tuple(map(Path, effect_files))}
         file = Path(folder) / "scene.toml" if isinstance(scene, Mapping) else Path(scene)
         if isinstance(scene, Mapping):
             file.write_text(tomlkit.dumps(scene), encoding="utf-8")
-        return Run(run_scene(file, run_options))
+        return Run(run_scene(file, RunOptions(**inputs, **outputs, **options)))
 
 
 def sweep(

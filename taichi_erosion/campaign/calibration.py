@@ -154,11 +154,9 @@ def write_design(calibration: Calibration, name: str, design: Design) -> Path:
 
 def design_rows_document(design: Design) -> Document:
     """Settings and responses row by row."""
-    rows = []
-    for row in range(len(design)):
-        responses = {name: float(column[row]) for name, column in design.responses.items()}
-        rows.append({"settings": design.settings(row), "responses": responses})
-    return {"rows": rows}
+    columns = {name: column.tolist() for name, column in design.responses.items()}
+    responses = ({name: column[row] for name, column in columns.items()} for row in range(len(design)))
+    return {"rows": [{"settings": design.settings(k), "responses": row} for k, row in enumerate(responses)]}
 
 
 def effect_document(fit: fits.Fit, labels: Mapping[str, str]) -> Document:

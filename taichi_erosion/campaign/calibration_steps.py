@@ -240,10 +240,9 @@ def refuse_axial_points_outside(file: CalibrationStudy, design: designs.Design) 
         slack = designs.SAME_POINT * factor.half_range
         for level, side, bound in ((levels.min(), "below", low), (levels.max(), "above", high)):
             if not low - slack <= level <= high + slack:
-                raise BadInput(
-                    f"{file.path}: central composite: star point {factor.path} = {level:.4g} lies {side} "
-                    f'the limit {bound:g}; set surface_axial = "faced" in [design]'
-                )
+                words = f"star point {factor.path} = {level:.4g} lies {side} the limit {bound:g}"
+                remedy = 'set surface_axial = "faced" in [design]'
+                raise BadInput(f"{file.path}: central composite: {words}; {remedy}")
 
 
 def fit_response_surface(runner: DesignRunner, factors: list[designs.Factor]) -> ResponseSurface:
@@ -270,12 +269,9 @@ def confirm_optimum(
     runner: DesignRunner, surface: ResponseSurface, optimisation: Optimisation
 ) -> tuple[designs.Design, dict[str, Confirmation]]:
     """Fresh seeds at the most certain optimum, and their tests against the measurements."""
-    study = runner.file.study
+    study, targets = runner.file.study, runner.file.study.targets.items()
     points = np.tile(optimisation.optima[0].coded, (study.design.confirm, 1))
     planned = designs.stack_parts("confirmation", surface.design.factors, [("added", points)])
     design = run_design(runner, "confirm", planned)
-    tests = {
-        name: welch_test(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
-        for name, target in study.targets.items()
-    }
-    return design, tests
+    samples = {name: Sample(target.value, target.sd, target.n) for name, target in targets}
+    return design, {n: welch_test(design.responses[n].tolist(), sample) for n, sample in samples.items()}

@@ -156,28 +156,21 @@ def record_result(ledger: Ledger, key: str, record: dict[str, Any]) -> None:
     failure = record.get("failure")
     text = json.dumps(nan_to_none(record), allow_nan=False)
     row = ("failed" if failure else "done", text, failure, record.get("wall_s"), time.time(), key)
+    order = "UPDATE run SET state = ?, record = ?, failure = ?, wall_s = ?, ended = ?, owner = NULL "
     with ledger.database.transaction() as sql:
-        sql.execute(
-            "UPDATE run SET state = ?, record = ?, failure = ?, wall_s = ?, ended = ?, owner = NULL "
-            "WHERE key = ? AND state IN ('waiting', 'leased')",
-            row,
-        )
+        sql.execute(f"{order} WHERE key = ? AND state IN ('waiting', 'leased')", row)
 
 
 def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> None:
     """Put runs back whose worker died; a run in which DEATHS_MOST workers died has failed."""
     failure = f"{DEATHS_MOST} workers died of it; the last: {reason}"
+    back = "UPDATE run SET state = 'waiting', owner = NULL, deaths = deaths + 1"
+    fail = "UPDATE run SET state = 'failed', failure = ?, ended = ?"
     with ledger.database.transaction() as sql:
-        sql.executemany(
-            "UPDATE run SET state = 'waiting', owner = NULL, deaths = deaths + 1 "
-            "WHERE key = ? AND state = 'leased' AND owner = ?",
-            [(key, ledger.owner) for key in keys],
-        )
-        sql.executemany(
-            "UPDATE run SET state = 'failed', failure = ?, ended = ? "
-            "WHERE key = ? AND state = 'waiting' AND deaths >= ?",
-            [(failure, time.time(), key, DEATHS_MOST) for key in keys],
-        )
+        rows = [(key, ledger.owner) for key in keys]
+        sql.executemany(f"{back} WHERE key = ? AND state = 'leased' AND owner = ?", rows)
+        failed = [(failure, time.time(), key, DEATHS_MOST) for key in keys]
+        sql.executemany(f"{fail} WHERE key = ? AND state = 'waiting' AND deaths >= ?", failed)
 
 
 def unfinished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:

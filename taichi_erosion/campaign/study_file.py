@@ -200,10 +200,8 @@ class DesignSizes(Section):
                 raise contradiction(f"{key} needs surface = '{design}'; it is '{self.surface}'")
         fewest = comb(self.surface_factors + 2, 2)  # coefficients of a full quadratic
         if self.hypercube_runs < fewest:
-            raise contradiction(
-                f"surface_runs = {self.surface_runs}; a quadratic in {self.surface_factors} factors "
-                f"needs at least {fewest}"
-            )
+            words = f"a quadratic in {self.surface_factors} factors needs at least {fewest}"
+            raise contradiction(f"surface_runs = {self.surface_runs}; {words}")
         return self
 
     @property
@@ -257,10 +255,9 @@ class StudyFile(Section):
     @model_validator(mode="after")
     def _require_scene_of_observables(self) -> "StudyFile":
         for name, observable in self.observables.items():
-            if (observable.scene is None) == (self.study.model is None):
-                word = (
-                    "missing, as is study.model" if observable.scene is None else "given, and study.model too"
-                )
+            is_missing = observable.scene is None
+            if is_missing == (self.study.model is None):
+                word = "missing, as is study.model" if is_missing else "given, and study.model too"
                 raise contradiction(f"observables.{name}.scene is {word}; exactly one must answer")
         return self
 

@@ -16,29 +16,7 @@ from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
-from taichi_erosion.execution import RunOptions, result
-from taichi_erosion.execution.checkpoint import (
-    Checkpointer,
-    adapt_state,
-    apply_scene_changes,
-    entries_that_differ,
-    restore_run_state,
-)
-from taichi_erosion.execution.checks import (
-    comparable,
-    idle_warnings,
-    library_of,
-    read_effects,
-    read_scene,
-    setup_report,
-)
-from taichi_erosion.execution.ensemble_loop import (
-    Callback,
-    EnsembleRun,
-    failure_message,
-    report_progress,
-    run_ensemble,
-)
+from taichi_erosion.execution import RunOptions, checkpoint, checks, ensemble_loop, result
 from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.execution.stages import ReplicaState, count_whole_intervals
 from taichi_erosion.measures.threshold import pool_beds
@@ -98,13 +76,13 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     KeyboardInterrupt with the names of the files that were written.
     """
     started = time.perf_counter()
-    named = read_effects(options.effect_files)
+    named = checks.read_effects(options.effect_files)
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
     numbers = [f"run.{name}={value}" for name, value in words.items() if value is not None]
-    scene = read_scene(path, (*options.overrides, *numbers), named)
-    comparisons = comparable(path, scene)  # now: the file may be another one when the run ends
+    scene = checks.read_scene(path, (*options.overrides, *numbers), named)
+    comparisons = checks.comparable(path, scene)  # now: the file may be another one when the run ends
     record = result.recording_path_of_run(path, scene, scene.run.seed, options)
-    library = library_of(scene)
+    library = checks.library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
     started -= ensemble.wall_s  # of the parts before a resume
     recorder = None
@@ -112,7 +90,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
         text = scene_text_with_overrides(path, options.overrides)
         recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
-    checkpointer = Checkpointer(
+    checkpointer = checkpoint.Checkpointer(
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
         options.checkpoint_interval,
         {"scene_hash": scene_hash(scene), "scene": resolve(ensemble.scenes[0])},
@@ -123,7 +101,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         for state in ensemble.states:
             state.measurements = result.apply_instruments(state.measurements, scene, library)
         document = grain_run_document(path, scene, ensemble, comparisons, started)
-        document["limits"]["warnings"] += idle_warnings(scene, named)
+        document["limits"]["warnings"] += checks.idle_warnings(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": scene_hash(scene)}}
             document |= finish_recording(recorder, ensemble, first, properties)
@@ -131,13 +109,13 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
     if len(failed) == len(ensemble.states):
         more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
-        raise SimulationStopped(failure_message(*failed[0]) + more)
+        raise SimulationStopped(ensemble_loop.failure_message(*failed[0]) + more)
     return document
 
 
 def assemble_run(
     path: Path, scene: Scene, library: dict[str, Effect], options: RunOptions, record: Path
-) -> EnsembleRun:
+) -> ensemble_loop.EnsembleRun:
     """All replicas of a scene, at their beginning or where the checkpoint left them. Raises BadInput."""
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
     resume, changed = load_checkpoint(options.resume) if options.resume else None, []
@@ -147,18 +125,18 @@ def assemble_run(
     result.refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
-        changed = entries_that_differ(options.resume, effective, resume[1])
+        changed = checkpoint.entries_that_differ(options.resume, effective, resume[1])
     grains = sum(len(setup.grains.radius) for setup in setups)
     arch = choose_device(options.arch, options.decomposition, grains, has_grid(setups) or has_servo(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     states = [ReplicaState(seed) for seed in seeds]
-    ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
+    ensemble = ensemble_loop.EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
     if resume:
-        import_state(sim, adapt_state(ensemble, *resume, changed) if changed else resume[0])
-        restore_run_state(ensemble, *resume)
+        import_state(sim, checkpoint.adapt_state(ensemble, *resume, changed) if changed else resume[0])
+        checkpoint.restore_run_state(ensemble, *resume)
         if changed:
-            apply_scene_changes(ensemble, changed)
+            checkpoint.apply_scene_changes(ensemble, changed)
     return ensemble
 
 
@@ -179,17 +157,20 @@ def scene_text_with_overrides(path: Path, overrides: tuple[str, ...]) -> str:
 
 
 def run_with_outputs(
-    ensemble: EnsembleRun, recorder: Recorder | None, checkpointer: Checkpointer, options: RunOptions
+    ensemble: ensemble_loop.EnsembleRun,
+    recorder: Recorder | None,
+    checkpointer: checkpoint.Checkpointer,
+    options: RunOptions,
 ) -> None:
     """Run with recording, checkpoints and progress; on Ctrl-C close the recording and save a checkpoint."""
-    callbacks: list[Callback] = [partial(record_replica, recorder)] if recorder else []
+    callbacks: list[ensemble_loop.Callback] = [partial(record_replica, recorder)] if recorder else []
     if options.checkpoint:
         callbacks.append(checkpointer)
     if options.progress:
-        callbacks.append(partial(report_progress, options.progress))
+        callbacks.append(partial(ensemble_loop.report_progress, options.progress))
     try:
         with defer_signals() as pending:
-            run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_first_signal()])
+            ensemble_loop.run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_first_signal()])
     except (KeyboardInterrupt, SystemExit) as interruption:
         checkpointer.save_ensemble(ensemble)
         closed = f"recording {stream.close(recorder.recording)}; " if recorder else ""
@@ -205,7 +186,7 @@ def run_with_outputs(
 
 
 def grain_run_document(
-    path: Path, scene: Scene, ensemble: EnsembleRun, comparisons: dict[str, Any], started: float
+    path: Path, scene: Scene, ensemble: ensemble_loop.EnsembleRun, comparisons: dict[str, Any], started: float
 ) -> dict[str, Any]:
     """The result document of a scene of grains."""
     sim = ensemble.sim
@@ -223,7 +204,7 @@ def grain_run_document(
         grain_steps=round(ensemble.grain_steps),
         wall_s=time.perf_counter() - started,
         numerics=numerics | mean_team_size(sim.team),
-        limits=setup_report(scene),
+        limits=checks.setup_report(scene),
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,
     )

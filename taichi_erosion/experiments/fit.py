@@ -166,10 +166,8 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
     fit = Fit(response, design.factors, model, design.coded[rows], values[rows], rows)
     rank = np.linalg.matrix_rank(model_matrix(fit.coded, model)) if len(rows) else 0
     if rank < 1 + len(model):
-        raise BadInput(
-            f"{design.name}, {response}: {len(rows)} runs with a result tell {rank} coefficients apart, the "
-            f"model has {1 + len(model)}"
-        )
+        words = f"{len(rows)} runs with a result tell {rank} coefficients apart"
+        raise BadInput(f"{design.name}, {response}: {words}, the model has {1 + len(model)}")
     return fit
 
 
@@ -262,7 +260,6 @@ def overfit_warning(fit: Fit) -> str:
     merit = figures_of_merit(fit)
     if not merit.r2_adjusted - merit.r2_predicted > R2_APART:
         return ""
-    return (
-        f"{fit.response}: predicted R2 {merit.r2_predicted:.2f} is far below adjusted R2 "
-        f"{merit.r2_adjusted:.2f}: the surface follows the scatter of single runs, its optimum may not hold"
-    )
+    gap = f"predicted R2 {merit.r2_predicted:.2f} is far below adjusted R2 {merit.r2_adjusted:.2f}"
+    reason = "the surface follows the scatter of single runs, its optimum may not hold"
+    return f"{fit.response}: {gap}: {reason}"

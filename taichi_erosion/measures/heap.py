@@ -43,9 +43,7 @@ def why_snapshot_unmeasurable(snapshot: Snapshot) -> str | None:
     """Why nothing can be measured on this snapshot, if so."""
     if snapshot.radius.size == 0:
         return "no grains"
-    if not np.isfinite(snapshot.position).all():
-        return "a coordinate is not finite"
-    return None
+    return None if np.isfinite(snapshot.position).all() else "a coordinate is not finite"
 
 
 def select_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:

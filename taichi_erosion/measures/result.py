@@ -63,10 +63,8 @@ def pool_repeats(repeats: Sequence[Measurement]) -> Measurement:
     if len(valid) < len(repeats):
         notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
     flags = Counter(flag for repeat in valid for flag in repeat.details.get("flags", ()))
-    details, lacking = (
-        {"values": values, "flags": dict(flags)},
-        shortfalls_of_most([r.shortfalls for r in repeats]),
-    )
+    details = {"values": values, "flags": dict(flags)}
+    lacking = shortfalls_of_most([repeat.shortfalls for repeat in repeats])
     if not valid:
         return Measurement(name, nan, nan, unit, 0, notes, details, lacking)
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
@@ -93,9 +91,7 @@ def nan_to_none(value: Any) -> Any:
         return value if isfinite(value) else None
     if isinstance(value, dict):
         return {key: nan_to_none(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [nan_to_none(entry) for entry in value]
-    return value
+    return list(map(nan_to_none, value)) if isinstance(value, (list, tuple)) else value
 
 
 def json_value(value: Any) -> Any:

@@ -91,10 +91,8 @@ def heap_shortfalls(
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:
         enough = grains_needed_for_rows(settled, rows, grains, goal)
-        words = (
-            f"the angle has not converged: {rows:.1f} rows of grains on its flank, and "
-            f"{POURED_TEXT if poured else COLUMN_TEXT}; use at least {enough:,} grains ({grains:,} now)"
-        )
+        have = f"{rows:.1f} rows of grains on its flank, and {POURED_TEXT if poured else COLUMN_TEXT}"
+        words = f"the angle has not converged: {have}; use at least {enough:,} grains ({grains:,} now)"
         yield Shortfall("growing_angle", words, rows, settled, False, enough)
 
 
@@ -132,10 +130,9 @@ def unsteady_shortfalls(lasted: float, length: float, departure: float, most: fl
         words = f"transport was watched for {lasted:.2g} s, {length:.2g} s are needed: a longer last stage"
         yield Shortfall("unsteady", words, lasted, length, True)
     elif departure > most:
-        words = (
-            f"transport never became steady: air and grains carry up to {departure:.0%} more or less than "
-            f"the stress of the wind ({most:.0%} is allowed): a longer last stage, repeats, or steady_air"
-        )
+        carried = f"air and grains carry up to {departure:.0%} more or less than the stress of the wind"
+        words = f"transport never became steady: {carried} ({most:.0%} is allowed): a longer last stage, "
+        words += "repeats, or steady_air"
         yield Shortfall("unsteady", words, departure, most, True)
 
 

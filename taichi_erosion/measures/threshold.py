@@ -99,9 +99,7 @@ def friction_velocity_at_zero_flux(trials: Sequence[tuple[float, float]]) -> Bra
     # of u*^2 on Q: the intercept is what is asked for, and its error comes with it
     (slope, start), covariance = np.polyfit(flux, stress, 1, cov=True)
     error = sqrt(float(covariance[1, 1]))
-    if not (slope > 0.0 and start > error):
-        return None
-    return Bracket(sqrt(start - error), sqrt(start + error))
+    return Bracket(sqrt(start - error), sqrt(start + error)) if slope > 0.0 and start > error else None
 
 
 def ratio(name: str, impact: Measurement, fluid: Measurement) -> Measurement:

@@ -31,10 +31,9 @@ def scale_number(change: Change, params: Any, strength: float, conditions: Condi
 
 def scale_contact_number(entry: str, walls: bool, scene: Scene, factor: float) -> Scene:
     """The scene with one number of the chosen contacts multiplied."""
-    most = MOST.get(entry, inf)
 
     def change(contact: Contact) -> Contact:
-        return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
+        return contact.model_copy(update={entry: min(factor * getattr(contact, entry), MOST.get(entry, inf))})
 
     return changes.with_contacts(scene, change, walls)
 
@@ -55,12 +54,10 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
         after = factor * before if before > 0.0 else friction / contact.rolling_radius_ratio
         return contact.model_copy(update={"friction_rolling": after})
 
-    def free_rolling(contact: Contact) -> Contact:
-        return contact.model_copy(update={"friction_rolling": 0.0})
-
     if bare:
         with_law = changes.with_section(scene, "laws", rolling="elastic_plastic")
-        scene = changes.with_contacts(with_law, free_rolling, not walls)
+        free = {"friction_rolling": 0.0}
+        scene = changes.with_contacts(with_law, lambda contact: contact.model_copy(update=free), not walls)
     return changes.with_contacts(scene, change, walls)
 
 

@@ -60,14 +60,9 @@ def add_time_panel(
     layout: Any, frames_per_second: float = FRAMES_PER_SECOND, timeline: str = TIMELINE
 ) -> "rrb.Blueprint":
     """Blueprint of a layout: time panel collapsed, other panels hidden, nothing added by the viewer."""
-    return rrb.Blueprint(
-        layout,
-        rrb.TimePanel(state="collapsed", timeline=timeline, fps=frames_per_second),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-        auto_layout=False,
-        auto_views=False,
-    )
+    panel = rrb.TimePanel(state="collapsed", timeline=timeline, fps=frames_per_second)
+    hidden = rrb.SelectionPanel(state="hidden"), rrb.BlueprintPanel(state="hidden")
+    return rrb.Blueprint(layout, panel, *hidden, auto_layout=False, auto_views=False)
 
 
 def run_blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = False) -> "rrb.Blueprint":
@@ -122,11 +117,7 @@ def grain_view(
     towards_eye = np.array(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     centre = MAGNIFICATION * np.array(focus.centre)
     eye = centre + MAGNIFICATION * distance * focus.radius * towards_eye
-    return rrb.Spatial3DView(
-        name=name,
-        origin="/",
-        contents=[f"+ {below}/**", *(f"- {entity}/**" for entity in hidden)],
-        background=pictures.NIGHT,
-        line_grid=rrb.LineGrid3D(visible=False),
-        eye_controls=rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0)),
-    )
+    contents = [f"+ {below}/**", *(f"- {entity}/**" for entity in hidden)]
+    controls = rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0))
+    scenery: dict[str, Any] = {"background": pictures.NIGHT, "line_grid": rrb.LineGrid3D(visible=False)}
+    return rrb.Spatial3DView(name=name, origin="/", contents=contents, eye_controls=controls, **scenery)

@@ -198,13 +198,8 @@ def log_scale_bar(recording: Recording, entity: str, focus: blueprints.Focus) ->
     length = 1e-3 * pictures.scale_bar_length(1e3 * SCALE_SHARE * focus.radius)
     x, y, z = focus.centre[0], focus.centre[1] - focus.radius, max(focus.centre[2] - focus.radius, 0.0)
     ends = [[x - 0.5 * length, y, z], [x + 0.5 * length, y, z]]
-    bar = rr.LineStrips3D(
-        [ends],
-        radii=SCALE_WIDTH * focus.radius,
-        colors=[pictures.CHALK],
-        labels=[f"{1e3 * length:g} mm"],
-        show_labels=True,
-    )
+    label: dict[str, Any] = {"labels": [f"{1e3 * length:g} mm"], "show_labels": True}
+    bar = rr.LineStrips3D([ends], radii=SCALE_WIDTH * focus.radius, colors=[pictures.CHALK], **label)
     recording.stream.log(entity, bar, static=True)
 
 

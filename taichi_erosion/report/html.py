@@ -24,26 +24,22 @@ def write_page(to: Path, source: Path, force: bool, template: str, fields: Mappi
 
 
 def render_template(template: str, fields: Mapping[str, Any]) -> str:
-    """HTML page of a template. Texts are escaped; a missing field is an error."""
+    """HTML page of a template. Texts are escaped; a missing field is an error.
+
+    Filters: a number in three significant digits, `-` for None and NaN; a line with its commands marked.
+    """
     rules = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True}
     environment = Environment(loader=PackageLoader("taichi_erosion.report"), **rules)
-    environment.filters |= {"number": three_digit_text, "commands": mark_commands}
+    environment.filters |= {
+        "number": lambda value: "-" if value is None or not isfinite(value) else plain(value),
+        "commands": lambda line: Markup(re.sub("`(.+?)`", r"<code>\1</code>", str(escape(line)))),
+    }
     return environment.get_template(template).render(**fields)
 
 
 def origin_line(seeds: str, version: str = __version__) -> str:
     """When and with what a page was made."""
     return f"Made on {date.today().isoformat()} with taichi_erosion {version}, {seeds}."
-
-
-def three_digit_text(value: float | None) -> str:
-    """Number in three significant digits; "-" for None and NaN."""
-    return "-" if value is None or not isfinite(value) else plain(value)
-
-
-def mark_commands(line: str) -> Markup:
-    """A line with its commands marked."""
-    return Markup(re.sub("`(.+?)`", r"<code>\1</code>", str(escape(line))))
 
 
 def picture_address(file: Path) -> str:

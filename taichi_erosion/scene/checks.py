@@ -92,10 +92,9 @@ def exchange_interval_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     response = least / (18.0 * wind.viscosity * wind.density)
     interval = wind.look_steps * limits.time_step(scene)
     if interval > EXCHANGE_SHARE * response:
-        yield (
-            f"wind.look_steps = {wind.look_steps}: {interval:.2g} s pass between two exchanges with the air, "
-            f"but drag moves the smallest grain within {response:.2g} s; at most a tenth of that"
-        )
+        words = f"{interval:.2g} s pass between two exchanges with the air"
+        drag = f"drag moves the smallest grain within {response:.2g} s; at most a tenth of that"
+        yield f"wind.look_steps = {wind.look_steps}: {words}, but {drag}"
 
 
 def sleep_time_problems(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -124,10 +123,8 @@ def air_grid_contradictions(scene: Scene, wind: Wind) -> Iterator[str]:
     flown = fastest * wind.look_steps * limits.time_step(scene)
     most = COURANT_MOST * wind.length / wind.columns[0]
     if flown > most:
-        yield (
-            f"wind.look_steps = {wind.look_steps}: a gust of {fastest:.3g} m/s crosses {flown:.2g} m of air "
-            f"between two exchanges; at most {int(wind.look_steps * most / flown)}"
-        )
+        words = f"a gust of {fastest:.3g} m/s crosses {flown:.2g} m of air between two exchanges"
+        yield f"wind.look_steps = {wind.look_steps}: {words}; at most {int(wind.look_steps * most / flown)}"
 
 
 def fill_contradictions(scene: Scene) -> Iterator[str]:
@@ -197,10 +194,8 @@ def net_problems(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> It
     """A net has enough places and is wider than the largest grain [m]; of rain, than the mean one."""
     if fill.pitch - 2.0 * fill.jitter < size:
         which = "mean" if isinstance(fill, Rain) else "largest"
-        yield (
-            f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the {which} grain, "
-            f"{size:g} m: grains would start inside each other"
-        )
+        words = f"less twice the jitter is smaller than the {which} grain, {size:g} m"
+        yield f"fill.pitch = {fill.pitch:g} m {words}: grains would start inside each other"
     elif isinstance(fill, Lattice):
         cells = (2.0 * fill.radius + fill.length) ** 3 / fill.pitch**3
         places = len(cubic_lattice(fill)) if cells < MOST_SPHERES else MOST_SPHERES
@@ -247,10 +242,8 @@ def computed_number_problems(scene: Scene) -> Iterator[str]:
     for name, radius, mass, young in limits.smallest_grains_of_kinds(scene):
         overlap = limits.impact_overlap(0.5 * mass, 0.5 * radius, young, speed) / radius
         if overlap > scene.run.overlap_limit:
-            yield (
-                f"materials.{name}: too soft: an impact at {speed:.3g} m s-1 would overlap by "
-                f"{overlap:.2g} radii; run.overlap_limit is {scene.run.overlap_limit:g}"
-            )
+            words = f"an impact at {speed:.3g} m s-1 would overlap by {overlap:.2g} radii"
+            yield f"materials.{name}: too soft: {words}; run.overlap_limit is {scene.run.overlap_limit:g}"
 
 
 def air_faults(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:

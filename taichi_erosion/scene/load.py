@@ -274,9 +274,7 @@ def lists_to_tuples(value: Any) -> Any:
     """The same tree with tuples for lists, as frozen records hold them."""
     if isinstance(value, dict):
         return {key: lists_to_tuples(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return tuple(lists_to_tuples(entry) for entry in value)
-    return value
+    return tuple(map(lists_to_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def fault_lines(name: str, lines: Sequence[str]) -> list[str]:

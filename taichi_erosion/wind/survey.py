@@ -110,13 +110,12 @@ def survey_scene_text(survey: Survey, wind: float | None) -> str:
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     d, modulus = sand.diameter, float(document["materials"]["sand"]["shear_modulus"])
     sizes = {"median": round_number(d, 3), "low": round_number(0.8 * d, 3), "high": round_number(1.25 * d, 3)}
+    stiffness = modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0)
     changes: dict[str, Any] = {
         "run.replicas": survey.beds,
         "grains.size": {"law": "lognormal", "sigma_log": 0.1, **sizes},
         "materials.sand.density": sand.density,
-        "materials.sand.shear_modulus": round_number(
-            modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0), 3
-        ),
+        "materials.sand.shear_modulus": round_number(stiffness, 3),
     }
     if survey.moisture > 0.0:
         changes |= {"conditions.moisture": survey.moisture, "effects.liquid_bridge": {"strength": 1.0}}

@@ -66,15 +66,13 @@ def test_a_tiled_bed_has_the_contacts_of_the_single_bed_everywhere_also_across_i
     wide = tiled(single, (2, 5))
     pairs = touching_pairs(single)
     assert pairs > len(KDTree(single.position).query_pairs(SOIL.diameter)) + 20
-    assert wide.period == pytest.approx((2 * side, 5 * side))
-    assert touching_pairs(wide) == 10 * pairs
+    assert (wide.period, touching_pairs(wide)) == (pytest.approx((2 * side, 5 * side)), 10 * pairs)
 
 
 @pytest.mark.parametrize("count", [2000, 10_000])
 def test_grains_in_a_funnel_start_without_touching_each_other_or_the_funnel(count: int):
     pile = funnel_pile(count)
-    assert len(pile.position) == count
-    assert len(KDTree(pile.position).query_pairs(SOIL.diameter)) == 0
+    assert (len(pile.position), len(KDTree(pile.position).query_pairs(SOIL.diameter))) == (count, 0)
     triangles = funnel_triangles(pile)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -111,8 +109,7 @@ def test_rounds_of_two_sittings_follow_each_other(tmp_path):
 def test_two_versions_of_a_code_keep_their_logs_and_their_launchers_apart():
     assert len({peer_log(peer, "bed10k") for peer in PEERS}) == len(PEERS)
     for peer in (LAMMPS, NEW_LAMMPS):
-        assert launch(peer, 1) == [peer.binary]
-        assert launch(peer, 2)[-3:] == ["-np", "2", peer.binary]
+        assert (launch(peer, 1), launch(peer, 2)[-3:]) == ([peer.binary], ["-np", "2", peer.binary])
     assert launch(LAMMPS, 2)[0] != launch(NEW_LAMMPS, 2)[0]
 
 

@@ -33,8 +33,7 @@ def test_a_cluster_gives_the_table_of_local_processes_and_survives_the_loss_of_a
     local, undisturbed, disturbed = (tmp_path / name for name in ("local", "cluster", "loss"))
     wanted = table(carry_out(local, requests(local, RUNS)))
     assert table(carry_out(undisturbed, requests(undisturbed, RUNS), scheduler=cluster)) == wanted
-    assert Counter(starts(undisturbed)) == Counter(range(RUNS))
-    assert len(processes(undisturbed)) == 2
+    assert (Counter(starts(undisturbed)), len(processes(undisturbed))) == (Counter(range(RUNS)), 2)
     assert os.getpid() not in processes(undisturbed)
     listed = requests(disturbed, RUNS, mishaps={RUNS // 2: "kills once"})
     assert table(carry_out(disturbed, listed, scheduler=cluster)) == wanted

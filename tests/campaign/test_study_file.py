@@ -7,13 +7,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from taichi_erosion.campaign.study_file import (
-    read_calibration_study,
-    read_evidence_study,
-    study_schema,
-    with_entry,
-    write_study_schema,
-)
+from taichi_erosion.campaign import study_file
+from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 
 SCENE = (Path(__file__).parents[2] / "scenes" / "column_collapse.toml").read_text("utf-8")
@@ -123,10 +118,12 @@ def test_a_comment_beside_a_changed_number_goes_and_all_others_stay():
 
 def test_the_schema_beside_the_studies_is_fresh(tmp_path):
     # ./erosion schema --study writes it
-    write_study_schema(tmp_path / "fresh.json")
+    study_file.write_study_schema(tmp_path / "fresh.json")
     assert (ROOT / "doe" / "study.schema.json").read_bytes() == (tmp_path / "fresh.json").read_bytes()
 
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
 def test_a_shipped_study_has_the_form_of_the_schema(study):
-    jsonschema.validate(json.loads(json.dumps(tomllib.loads(study.read_text("utf-8")))), study_schema())
+    jsonschema.validate(
+        json.loads(json.dumps(tomllib.loads(study.read_text("utf-8")))), study_file.study_schema()
+    )

@@ -156,8 +156,7 @@ def test_every_failure_is_one_line_and_its_exit_code(room, capsys, monkeypatch, 
     run_scene(room, failure)
     assert main(["run", "scene.toml", "--json"]) == code
     printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert line in printed.err
     monkeypatch.setenv("TAICHI_EROSION_TRACEBACK", "1")  # for those who ask for it
     assert main(["run", "scene.toml"]) == code
@@ -186,8 +185,7 @@ def test_a_word_that_cannot_be_used_is_named_in_one_line(room, capsys, words, na
     calls = run_scene(room)
     assert main(words) == 2
     printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
     assert named in printed.err
     assert calls == []
 

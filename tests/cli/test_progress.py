@@ -21,8 +21,7 @@ def test_the_log_tells_order_warnings_and_end_with_their_times(tmp_path: Path, c
     assert told[0].endswith(f"run {scene} --check")
     assert told[1] == "exit code 0"
     assert "grains.count" in told[3]
-    assert told[4] == "exit code 2"
-    assert len(told) == 5
+    assert (told[4], len(told)) == ("exit code 2", 5)
 
 
 def test_the_time_that_is_left_follows_from_the_pace_since_the_first_report(monkeypatch, capsys):

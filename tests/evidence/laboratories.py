@@ -69,10 +69,8 @@ HEAP = Laboratory(
     (0.0, 0.002, 0.005, 0.01, 0.02),
     (0.8, 1.5),
     ("run.time_step_d=2.4e-2", "fill.pitch_d=1.25", "contact.grain-grain.friction_rolling=0.2"),
-    """[parameters."contact.grain-grain.friction_rolling"]
-start = 0.15
-low = 0.02
-high = 0.6
+    """[parameters]
+"contact.grain-grain.friction_rolling" = { start = 0.15, low = 0.02, high = 0.6 }
 [candidates]
 effects = ["liquid_bridge", "dry_adhesion", "restitution_speed"]
 [budget]
@@ -85,11 +83,8 @@ WET = replace(
     moistures=(0.0, 0.002, 0.005, 0.01, 0.015, 0.02),
     strengths=(1.2, 1.6),
     orders=("effects.liquid_bridge.exponent=0.7",),
-    study="""[parameters."contact.grain-grain.friction_rolling"]
-start = 0.12
-low = 0.02
-high = 0.6
-prior_sd_log = 0.3
+    study="""[parameters]
+"contact.grain-grain.friction_rolling" = { start = 0.12, low = 0.02, high = 0.6, prior_sd_log = 0.3 }
 [candidates]
 effects = ["restitution_speed"]
 mechanisms = ["contact_pull", "rolling_friction"]

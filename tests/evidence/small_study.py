@@ -11,6 +11,7 @@ MOISTURES, DIAMETERS = (0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04), (2e-4
 SCATTER = {"threshold_u_star": 0.02, "repose_angle": 0.5}  # of one laboratory repeat: relative, deg
 UNITS = {"threshold_u_star": "m/s", "repose_angle": "deg"}
 TRUTH = {"threshold_coefficient": 0.108, "friction_sliding": 0.53, "friction_rolling": 0.12}
+HEADING = "observable,value,n,unit,group,moisture,diameter [mm],source"
 LIBRARY = ("liquid_bridge", "dry_cohesion", "saffman_lift", "electrostatics", "side_walls", "gusts")
 
 STUDY = """
@@ -23,20 +24,10 @@ transform = "log"
 [conditions]
 moisture = "moisture"
 diameter = "diameter"
-[parameters.threshold_coefficient]
-start = 0.1
-low = 0.05
-high = 0.2
-prior_sd_log = 0.2
-[parameters.friction_sliding]
-start = 0.5
-low = 0.2
-high = 1.0
-prior_sd_log = 0.1
-[parameters.friction_rolling]
-start = 0.1
-low = 0.01
-high = 0.6
+[parameters]
+threshold_coefficient = {{ start = 0.1, low = 0.05, high = 0.2, prior_sd_log = 0.2 }}
+friction_sliding = {{ start = 0.5, low = 0.2, high = 1.0, prior_sd_log = 0.1 }}
+friction_rolling = {{ start = 0.1, low = 0.01, high = 0.6 }}
 [candidates]
 effects = "all"
 {candidates}
@@ -55,12 +46,9 @@ def table_text(effects: dict[str, float], seed: int, repeats: int = 3) -> str:
     random = np.random.default_rng(seed)
     moisture = np.repeat(MOISTURES, len(DIAMETERS))
     diameter = np.tile(DIAMETERS, len(MOISTURES))
-    lines = ["observable,value,n,unit,group,moisture,diameter [mm],source"]
+    at, lines = {"moisture": moisture, "diameter": diameter}, [HEADING]
     for name, scatter in SCATTER.items():
-        exact = np.mean(
-            predict(name, {"moisture": moisture, "diameter": diameter}, TRUTH, effects, np.arange(400)),
-            axis=0,
-        )
+        exact = np.mean(predict(name, at, TRUTH, effects, np.arange(400)), axis=0)
         spread = scatter * exact if name == "threshold_u_star" else np.full_like(exact, scatter)
         for _ in range(repeats):
             drawn = exact + spread * random.standard_normal(exact.size)

@@ -8,14 +8,7 @@ import numpy as np
 from taichi_erosion.evidence import record
 from taichi_erosion.evidence.answers.summary import mechanism_parts
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.record import (
-    DecisionPart,
-    EffectPart,
-    Interval,
-    LevelPart,
-    ParameterPart,
-    PlacePart,
-)
+from taichi_erosion.evidence.record import EffectPart, Interval, LevelPart, ParameterPart, PlacePart
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.scene.schema.units import Scale
 
@@ -64,7 +57,7 @@ ROWS = record.RowsPart(
 MISFITS = ("chi2_before", "chi2_after", "p_misfit", "p_misfit_after", "p_lack_of_fit")
 GOOD = dict(zip(MISFITS, (34.2, 33.9, 0.41, 0.42, 0.35), strict=True))
 BAD = dict(zip(MISFITS, (171.6, 35.0, 1e-17, 0.37, 3e-9), strict=True))
-WET = PlacePart("repose_angle", "moisture", 1, 2e-12)
+WET, DRY = PlacePart("repose_angle", "moisture", 1, 2e-12), {"moisture": 0.0}
 
 null = record.Record(
     **{"verdict": "none_detected", "probabilities": SHARES, "p": 0.6, "effects": EFFECTS},
@@ -81,7 +74,7 @@ def present(strength: Interval, chance: float = 0.99) -> EffectPart:
 def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> dict:
     """Fields of a decision that something is missing."""
     shares = {key.replace("__", "+"): p for key, p in probabilities.items()}
-    decision = DecisionPart(
+    decision = record.DecisionPart(
         verdict=verdict,
         **{"named": named, "group": group, "acting_mechanisms": mechanisms},
         **{"probabilities": shares, "p": 1e-4, "unlisted": shares.get("outside_library", 0.0)},
@@ -119,14 +112,8 @@ group = replace(
         "side_walls": replace(present(Interval(1.3, 0.7, 1.9), 0.4), status="open", alike=("dry_cohesion",)),
     },
     next_experiments=tuple(
-        record.ExperimentPart(
-            observable,
-            {"moisture": 0.0, "diameter": d},
-            {"dry_cohesion": dry, "side_walls": walls},
-            chance,
-            cost,
-        )
-        for observable, d, dry, walls, chance, cost in (
+        record.ExperimentPart(name, DRY | {"diameter": d}, {"dry_cohesion": a, "side_walls": b}, *rest)
+        for name, d, a, b, *rest in (
             ("repose_angle", 1e-4, Interval(41.2, 39.8, 42.5), Interval(36.1, 35.0, 37.3), 0.86, 1.0),
             ("threshold_u_star", 2e-4, Interval(0.31, 0.29, 0.33), Interval(0.25, 0.24, 0.26), 0.97, 3.0),
         )
@@ -164,17 +151,8 @@ mechanism = replace(
 )
 LAWS = {"rolling_friction": record.MechanismPart(0.96, DOSES, LAW)}
 mechanism = replace(mechanism, mechanisms=LAWS)
-mechanisms = replace(
-    mechanism,
-    **decided(
-        "outside_library",
-        (),
-        (),
-        ("rolling_friction", "contact_pull"),
-        rolling_friction=0.6,
-        contact_pull=0.38,
-    ),
-)
+BOTH = {"rolling_friction": 0.6, "contact_pull": 0.38}
+mechanisms = replace(mechanism, **decided("outside_library", mechanisms=tuple(BOTH), **BOTH))
 mechanisms = replace(mechanisms, mechanisms=mechanisms.mechanisms | LAWS)
 HUMP = tuple(record.PointPart(a, a - 0.8, a + 0.8, w) for w, a in ((0.0, 0.0), (0.02, 9.1), (0.05, 3.2)))
 curve = record.CurvePart("repose_angle", "moisture", "offset", "peak", 0.02, HUMP)

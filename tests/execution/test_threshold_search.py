@@ -9,14 +9,7 @@ from measures.heaps import snapshot_of
 
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.execution import threshold_search
-from taichi_erosion.execution.threshold_search import (
-    NEXT_WIND,
-    ThresholdSearch,
-    Trial,
-    does_bed_move,
-    lift_grains_that_left_bed,
-    record_grain_motion,
-)
+from taichi_erosion.execution.threshold_search import ThresholdSearch, does_bed_move, record_grain_motion
 from taichi_erosion.scene import Scene, load_scene
 
 SCENE = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
@@ -29,10 +22,12 @@ def scene() -> Scene:
     return load_scene(SCENE, [*words, "measure.impact_threshold={}"])
 
 
-def trial(friction_velocity: float, grains: int = 1) -> Trial:
+def trial(friction_velocity: float, grains: int = 1) -> threshold_search.Trial:
     start = np.zeros((grains, 3))
     nothing = np.zeros(grains, dtype=bool)
-    return Trial(friction_velocity, 0.0, start, start, nothing, nothing, flux=[friction_velocity**2])
+    return threshold_search.Trial(
+        friction_velocity, 0.0, start, start, nothing, nothing, flux=[friction_velocity**2]
+    )
 
 
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
@@ -44,7 +39,7 @@ def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: floa
         assert shares[-2] <= shares[-1] <= 1.0
         moved = now >= {"ramp": ramp, "hold": leaves, "start": 0.0, "fall": rests}[search.phase]
         search.trial.rolling = np.full(search.grains_needed, now >= rolls)
-        next_wind = NEXT_WIND[search.phase](search, moved)
+        next_wind = threshold_search.NEXT_WIND[search.phase](search, moved)
         if next_wind is None:
             assert "impact_threshold" not in search.brackets or shares[-1] > 0.8
             return search
@@ -73,7 +68,9 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     search = ThresholdSearch(scene.model_copy(update={"threshold": named}), {}, trial(0.2))
     search.phase, winds = "start", []
     search.trial.flux = [0.2**2 - 0.09**2]
-    while (next_wind := NEXT_WIND[search.phase](search, search.trial.friction_velocity >= 0.1)) is not None:
+    while (
+        next_wind := threshold_search.NEXT_WIND[search.phase](search, search.trial.friction_velocity >= 0.1)
+    ) is not None:
         winds.append(next_wind)
         search.trial = trial(next_wind)
         search.trial.flux = [next_wind**2 - 0.09**2]
@@ -127,9 +124,9 @@ def test_grains_that_left_are_carried_off_before_they_land(scene: Scene, monkeyp
     monkeypatch.setattr(threshold_search, "export_bed", lambda *_: bed)
     monkeypatch.setattr(threshold_search, "air_profile", lambda *_: air)
     monkeypatch.setattr(threshold_search, "import_bed", lambda *words: beds.append(words[2]))
-    lift_grains_that_left_bed(cast(Any, None), 0, search)
+    threshold_search.lift_grains_that_left_bed(cast(Any, None), 0, search)
     assert beds[0]["origin"][:, 2] == pytest.approx(height * np.array([0.2, 0.9, 0.6, 0.9]))
     assert beds[0]["velocity"].tolist() == [[1, 1, 1], [3, 0, 0], [3, 0, 0], [1, 1, 1]]
     search.trial.last = beds[0]["origin"][np.argsort(order)]
-    lift_grains_that_left_bed(cast(Any, None), 0, search)
+    threshold_search.lift_grains_that_left_bed(cast(Any, None), 0, search)
     assert len(beds) == 1

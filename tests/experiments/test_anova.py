@@ -17,8 +17,7 @@ def test_montgomerys_tool_life_has_the_printed_analysis_of_variance():
     }  # fmt: skip
     for source, (sum_of_squares, f, p) in wanted.items():
         assert rows[source].sum_of_squares == textbook.printed(sum_of_squares, 2)
-        assert rows[source].f == textbook.printed(f, 2)
-        assert rows[source].p == textbook.printed(p, 4)
+        assert (rows[source].f, rows[source].p) == (textbook.printed(f, 2), textbook.printed(p, 4))
     assert rows["Pure error"].mean_square == textbook.printed(30.17, 2)
     assert rows["Total"].sum_of_squares == textbook.printed(2095.33, 2)
     # the model that is left keeps A for hierarchy
@@ -38,8 +37,7 @@ def test_curvature_is_the_difference_of_the_means_tested_without_itself():
     # Montgomery (2017), example 6.7: SS 0.0027, F 0.06, error 0.1720 (4)
     bend = curvature_test(fit_model(made.with_responses(y=y), "y", "interactions"))
     assert bend.difference == pytest.approx(y[:4].mean() - y[4:].mean(), rel=1e-9)
-    assert bend.sum_of_squares == textbook.printed(0.0027, 4)
-    assert bend.f == textbook.printed(0.06, 2)
+    assert (bend.sum_of_squares, bend.f) == (textbook.printed(0.0027, 4), textbook.printed(0.06, 2))
     assert bend.ms_error * bend.df_error == textbook.printed(0.1720, 4)
 
 

@@ -44,8 +44,7 @@ def test_the_one_flipped_cell_of_a_screening_is_found(tmp_path, capsys, seed):
     found = json.loads(capsys.readouterr().out)
     assert found["response"] == "angle"
     assert not found["orthogonal"]
-    assert found["cell"]["row"] == row + 1
-    assert found["cell"]["column"] == names[column]
+    assert (found["cell"]["row"], found["cell"]["column"]) == (row + 1, names[column])
     assert found["cell"]["restored_by"] == -rows[row][column]
 
 

@@ -125,8 +125,7 @@ def test_levels_as_signs_or_with_their_code_and_columns_of_programs_are_read(tmp
     lines = [[str(k + 1), *row, f"{y:.2f}"] for k, (row, y) in enumerate(zip(cells, ANGLES, strict=True))]
     rows = [[cell.replace(".", ",") for cell in line] for line in lines]
     found = audited(tmp_path, ["Std", *"ABC", "Actual", "Predicted"], rows, range(15), separator=";")
-    assert found.table.response == "Actual"
-    assert found.table.values == pytest.approx(ANGLES)
+    assert (found.table.response, found.table.values) == ("Actual", pytest.approx(ANGLES))
     assert found.table.coded == pytest.approx(BOX)
     signs = [["+" if x > 0 else "\N{MINUS SIGN}" for x in row] for row in product((-1, 1), repeat=3)]
     found = audited(tmp_path, [*"ABC", "angle"], signs, range(20, 28), separator="\t")

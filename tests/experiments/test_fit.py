@@ -78,5 +78,4 @@ def test_failed_runs_are_left_out_and_the_rest_is_fitted():
     values = made.responses["life"].copy()
     values[0] = np.nan
     fit = fits.fit_model(made.with_responses(life=values), "life", textbook.FULL)
-    assert fit.rows.tolist() == list(range(1, 24))
-    assert fit.df_error == 15
+    assert (fit.rows.tolist(), fit.df_error) == (list(range(1, 24)), 15)

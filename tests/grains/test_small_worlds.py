@@ -59,8 +59,7 @@ def test_grains_enter_at_their_time_and_fall_from_there(records):
     release = record.setup.grains.release_time
     for frame in record.frames:
         inside = release <= frame.time - TIME_STEP
-        assert frame.ident.tolist() == np.flatnonzero(inside).tolist()
-        assert frame.waiting == (~inside).sum()
+        assert (frame.ident.tolist(), frame.waiting) == (np.flatnonzero(inside).tolist(), (~inside).sum())
     last = record.frames[-1]
     time = last.time - release
     # a late grain takes its first kick over a whole step, g dt t / 2 too far

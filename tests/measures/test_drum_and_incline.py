@@ -64,8 +64,7 @@ def test_the_sliding_angle_is_interpolated_between_frames():
     tilts = np.radians([10.0, 11.0, 12.0, 13.0])
     measured = angle_at_which_grains_slide(sliding_series([0.0, 0.0, 0.2, 1.4]), tilts)
     # half a diameter is reached a quarter of the way from 0.2 to 1.4
-    assert measured.value == pytest.approx(12.25)
-    assert measured.sd == pytest.approx(1.0 / sqrt(12.0))
+    assert (measured.value, measured.sd) == (pytest.approx(12.25), pytest.approx(1.0 / sqrt(12.0)))
     assert measured.details["friction"] == pytest.approx(np.tan(radians(12.25)))
 
 

@@ -23,8 +23,7 @@ def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
     random = np.random.default_rng(2)
     frames = [flying(1e-3 + random.exponential(0.02, 400), 1.5) for _ in range(64)]
     found = wind_bed.mean_sand_flux(frames, PATCH)
-    assert found.value == pytest.approx(400 * 2e-8 * 1.5 / 2e-5)
-    assert found.sd == pytest.approx(0.0, abs=1e-9)
+    assert (found.value, found.sd) == (pytest.approx(400 * 2e-8 * 1.5 / 2e-5), pytest.approx(0.0, abs=1e-9))
     height = wind_bed.flux_decay_height(frames, PATCH)
     # 25,600 grains: 1/sqrt(N) is 0.6 %; bins and the tail that is cut add a few percent
     assert height.value == pytest.approx(0.02, rel=0.08)

@@ -57,8 +57,7 @@ def test_fluxes_vanish_at_the_threshold_and_grow_with_their_powers():
     sand = Sand(0.25 * MM)
     threshold = kok_impact_threshold(sand)
     for name in FLUX:
-        assert flux_by(name, sand, threshold) == 0.0
-        assert flux_by(name, sand, 0.9 * threshold) == 0.0
+        assert (flux_by(name, sand, threshold), flux_by(name, sand, 0.9 * threshold)) == (0.0, 0.0)
     powers = {  # of u*, far above the threshold; Owen's settling speed over u* is then small
         name: log(flux(sand, 200.0, threshold) / flux(sand, 100.0, threshold)) / log(2.0)
         for name, flux in FLUX.items()

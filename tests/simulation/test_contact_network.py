@@ -56,8 +56,7 @@ def test_a_grain_at_rest_on_a_plate_presses_with_its_weight():
     simulation.advance(sim, [0.2])
     found = simulation.contact_network(sim, 0)
     stop_device()
-    assert found.second.tolist() == [-1]
-    assert found.walls == ("wall 0",)
+    assert (found.second.tolist(), found.walls) == ([-1], ("wall 0",))
     np.testing.assert_allclose(found.normal_force, MASS * GRAVITY, rtol=1e-4)
     np.testing.assert_allclose(found.point, 0.0, atol=1e-9)
     np.testing.assert_allclose(found.branch, [[0.0, 0.0, RADIUS]], rtol=1e-3)

@@ -160,7 +160,5 @@ def solve_pressure(air: Air, tolerance: float = TOLERANCE) -> int:
         apply_to_all_replicas(set_step_length, air)
         apply_to_all_columns(update_solution, air)
         worst = largest_of_columns(air.krylov.column_worst)
-    raise SimulationStopped(
-        f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step); "
-        "likely cause: the time step is too long for the wind and the cells"
-    )
+    fault = f"the pressure of the air was not found (air appears: {worst:.3g} of a cell in a step)"
+    raise SimulationStopped(f"{fault}; likely cause: the time step is too long for the wind and the cells")

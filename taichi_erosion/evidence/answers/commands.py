@@ -14,15 +14,9 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import files, set_up
+from taichi_erosion.evidence.answers import files, rounds, set_up
 from taichi_erosion.evidence.answers.files import Command, Reply
-from taichi_erosion.evidence.answers.rounds import (
-    Question,
-    StudyInference,
-    answer_question,
-    discovery_question,
-    plans_to_try,
-)
+from taichi_erosion.evidence.answers.rounds import Question, StudyInference, discovery_question, plans_to_try
 from taichi_erosion.evidence.answers.summary import mechanism_parts, race_record
 from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_openings
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
@@ -159,7 +153,7 @@ def answer_with_unit_faults(
     study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
 ) -> tuple[StudyInference, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
-    inference, ready = answer_question(study, plans, question, progress)
+    inference, ready = rounds.answer_question(study, plans, question, progress)
     return inference, replace(ready, faults=(*ready.faults, *set_up.unit_faults(inference.posterior.race)))
 
 

@@ -30,17 +30,8 @@ from taichi_erosion.evidence.answers.scene_templates import (
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, write_study_files
 from taichi_erosion.evidence.data.measured import add_detection_limits, read_rows, unusual_notes, value_faults
-from taichi_erosion.evidence.data.tables.column_roles import (
-    AIR,
-    CONDITION,
-    NOT_USED,
-    Ask,
-    Column,
-    Interview,
-    TableOptions,
-    can_be_of_any_size,
-    refuse_other_answer,
-)
+from taichi_erosion.evidence.data.tables import column_roles
+from taichi_erosion.evidence.data.tables.column_roles import CONDITION, Ask, Column, Interview, TableOptions
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
@@ -50,19 +41,9 @@ from taichi_erosion.scene.paths import unit_at_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, is_other_kind, range_at
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
+from taichi_erosion.tables import headings
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
-from taichi_erosion.tables.headings import (
-    DIAMETER,
-    FRICTION_VELOCITY,
-    GRAIN_DENSITY,
-    KINDS,
-    longest_word,
-    meaning_of,
-    qualifying_words,
-    read_heading,
-    suggest_meaning,
-    unit_in,
-)
+from taichi_erosion.tables.headings import DIAMETER, FRICTION_VELOCITY, GRAIN_DENSITY, suggest_meaning
 from taichi_erosion.tables.number_columns import own_name
 from taichi_erosion.tables.number_words import toml_key
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
@@ -73,14 +54,9 @@ COARSEST = 4e-3  # m, of grains that wind erodes: a larger length is no size of 
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
-ROLE_WORDS = {
-    "sd": "scatter of single repeats",
-    "se": "standard error of the mean",
-    "cv": "scatter of single repeats, relative",
-    "n": "number of repeats",
-    "group": "set-up of a row",
-    "remark": "not used",
-}
+ROLE_WORDS = {"sd": "scatter of single repeats", "cv": "scatter of single repeats, relative"}
+ROLE_WORDS |= {"se": "standard error of the mean", "n": "number of repeats"}
+ROLE_WORDS |= {"group": "set-up of a row", "remark": "not used"}
 
 
 @dataclass(frozen=True)
@@ -227,7 +203,7 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
     ]
     for name, unit in zip(table.conditions, table.units, strict=True):
         allowed = None if unit else range_at(places[name].split(",")[0])
-        if allowed is not None and can_be_of_any_size(allowed):
+        if allowed is not None and column_roles.can_be_of_any_size(allowed):
             words = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
             faults.append(f"{table.file}: column '{name}': {words}")
     if faults:
@@ -237,10 +213,10 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
 
 def path_of_tidy_column(column: Column, options: TableOptions) -> str:
     """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
-    if qualifying_words(column.heading)[0]:
+    if headings.qualifying_words(column.heading)[0]:
         return ""
     unknown = options.reads is not None and not suggest_meaning(column.name)  # residuals are tested along it
-    return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
+    return headings.meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
 
 
 def closed_form_study_content(request: StudyRequest) -> Content:
@@ -255,7 +231,7 @@ def closed_form_study_content(request: StudyRequest) -> Content:
     duplicates = {place for p in request.places.values() for place in INCLUDES.get(p, ())}
     # one that the model does not read keeps its place: residuals are tested along it
     conditions = {n: p if p in duplicates else READS.get(p, p) for n, p in request.places.items()}
-    airs = [name for name, condition in conditions.items() if CONDITION + condition in AIR]
+    airs = [name for name, condition in conditions.items() if CONDITION + condition in column_roles.AIR]
     if airs and {*request.names} != {"repose_angle"}:
         request.interview.assume(f"the density of the air follows from {' and '.join(airs)} (ideal gas)")
     numbers = list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name]))
@@ -271,7 +247,8 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
     if diameter is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         for column in (each for each in table.columns if each.unread and each.title in table.conditions):
             heading, place = column.heading, table.conditions.index(column.title)
-            is_length = heading.unit in GRAIN_UNITS and not longest_word(heading.name, *KINDS, "others")[0]
+            other_kind = headings.longest_word(heading.name, *headings.KINDS, "others")[0]
+            is_length = heading.unit in GRAIN_UNITS and not other_kind
             largest = max(row.conditions[place] for row in table.rows)
             if is_length and largest * parse_scale(heading.unit or "").factor <= COARSEST:
                 words = f"no column states the grain diameter; if '{heading.text}' does, say --condition"
@@ -340,7 +317,7 @@ def choose_apparatus(observable: str, request: StudyRequest) -> str:
         return possible[0]
     words = "; ".join(f"{name}: {TEMPLATES[name].words}" for name in possible)
     meaning = f"{observable} is taken as measured with {TEMPLATES[possible[0]].words} (--apparatus)"
-    check = partial(refuse_other_answer, what=observable, allowed=possible)
+    check = partial(column_roles.refuse_other_answer, what=observable, allowed=possible)
     return request.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning, check)
 
 
@@ -360,10 +337,9 @@ def apparatus_scene_text(request: StudyRequest, key: str, names: Sequence[str]) 
     if density is None and GRAIN_DENSITY not in request.places.values():
         assume(f"no column states the grain density: {template.usual_grain_density:g} kg/m3 (--density)")
     if sized := [name for name in names if name in LENGTHS]:
-        assume(
-            f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
-            "heap, so give it as many as yours have (--grains), and the size of your apparatus"
-        )
+        heaps = f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'"
+        advice = "give it as many as yours have (--grains), and the size of your apparatus"
+        assume(f"{heaps}; lengths grow with the heap, so {advice}")
     notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{file}: {template.words}", "notes": notes}
     return scene_text(template, head, diameters, grains, density, extra_condition_units(request))
@@ -422,11 +398,11 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
     ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
     optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
     for text, place in said_of.conditions.items():
-        unit = unit_in(place)
-        if unit is None or unit_at_path(place) is not None or place == NOT_USED:
+        unit = headings.unit_in(place)
+        if unit is None or unit_at_path(place) is not None or place == column_roles.NOT_USED:
             conditions[text] = place
             continue
-        name = own_name(read_heading(text).name, (), 0)
+        name = own_name(headings.read_heading(text).name, (), 0)
         is_other = is_other_kind(unit, CONDITION + name)
         conditions[text] = CONDITION + (own_name(f"{name} {unit}", (), 0) if is_other else name)
         own_conditions.setdefault(conditions[text], unit)

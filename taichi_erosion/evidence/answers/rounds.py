@@ -205,9 +205,8 @@ def add_mechanism_runs(
     runs: TrainingRuns, ready: Study, question: Question, inference: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
-    if not question.missing or runs.mechanisms or blocks_verdict(ready.faults):
-        return None
-    if not has_unexplained_misfit(inference.posterior.race):
+    can_be_tried = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
+    if not (can_be_tried and has_unexplained_misfit(inference.posterior.race)):
         return None
     wider = training_runs.add_dose_runs(runs)
     return wider if wider.mechanisms and training_runs.runs_left_by_cap(wider) >= 0 else None
@@ -244,9 +243,8 @@ def check_answer_by_runs(
         rows, keys = fresh_test.simulate_untrained_rows(question.query(inference), simulator, steps)
         inference = replace(inference, query=rows, query_runs=len(keys))
     else:
-        part, keys = fresh_test.run_fresh_test(
-            inference.posterior, decision, simulator.simulate_settings, steps
-        )
+        simulate = simulator.simulate_settings
+        part, keys = fresh_test.run_fresh_test(inference.posterior, decision, simulate, steps)
         inference = replace(inference, decision=fresh_test.after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
         about = inference.points_at(*(kind.fits[0] for kind in fresh_test.answer_and_rivals(race, decision)))

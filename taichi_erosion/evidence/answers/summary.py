@@ -279,15 +279,10 @@ def law_with_names(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, di
     """The expression with sizes of conditions named, and these; none where a number has another unit."""
     if form.name == "exponential":
         return "", {}
-    sizes: dict[str, tuple[str, float]] = {}
-    names = iter(form.conditions)
-
-    def name_of_size(match: re.Match[str]) -> str:
-        name = next(names)
-        sizes[f"{name}_0"] = name, float(match[0])
-        return f"{{{name}_0}}"
-
-    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", name_of_size, form.text)
+    pattern, names = re.compile(r"(?<=/ )[\d.e+-]+(?=\))"), iter(form.conditions)
+    found = zip(form.conditions, pattern.findall(form.text), strict=False)
+    sizes = {f"{name}_0": (name, float(size)) for name, size in found}
+    text = pattern.sub(lambda _: f"{{{next(names)}_0}}", form.text)
     return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
 
 

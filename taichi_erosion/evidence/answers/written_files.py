@@ -142,11 +142,9 @@ def carry_over_vault(study: Study, before: Table, after: Table) -> tuple[list[Dr
     if len(before.rows) == len(after.rows):
         unmatched = {place for numbers in free.values() for place in numbers}
         places = [k if place is None and k in unmatched else place for k, place in enumerate(places)]
-    omissions = ("vault", "source")  # what the vault makes of a row, and its place in the file
+    aside = ("vault", "source")  # what the vault makes of a row, and its place in the file
     tables = map(tidy_table_cells, (before, after))
-    was, now = (
-        [{n: x for n, x in row.items() if x and n not in omissions} for row in rows] for rows in tables
-    )
+    was, now = ([{n: x for n, x in row.items() if x and n not in aside} for row in rows] for rows in tables)
     trios = zip(after.rows, now, places, strict=True)
     lines = [row.line for row, cells, place in trios if place is None or was[place] != cells]
     removed = len(before.rows) - sum(place is not None for place in places)
@@ -268,12 +266,10 @@ def varying_formula_effects(study: Study) -> list[str]:
     measured = study.problem.measurements.conditions
     at = reduced.DEFAULT_COLUMNS | {model: measured[name] for name, model in study.file.conditions.items()}
     parts = set[str]().union(*(SHIFTED[name] for name in study.file.observables))
-
-    def formula_varies(effect: str) -> bool:
-        shift = reduced.EFFECTS[effect](1.0, at)
-        return any(np.nanmax(getattr(shift, p)) - np.nanmin(getattr(shift, p)) > LEAST_SHIFT for p in parts)
-
-    return list(filter(formula_varies, reduced.EFFECTS))
+    acts = {name: vars(law(1.0, at)) for name, law in reduced.EFFECTS.items()}
+    return [
+        n for n, of in acts.items() if any(np.nanmax(of[p]) - np.nanmin(of[p]) > LEAST_SHIFT for p in parts)
+    ]
 
 
 def plausible_candidates(study: Study) -> list[str]:

@@ -121,11 +121,9 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     freedom = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
     if sum(scatter.freedom for scatter in scatters) + sum(freedom) / max(len(freedom), 1) >= LEAST_FREEDOM:
         return rows
-    note = (
-        "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
-        "conditions would separate noise from a missing effect."
-    )
-    return replace(rows, warnings=(*rows.warnings, note))
+    note = "The stated sd cannot be checked: no condition was repeated."
+    remedy = "At least 3 repeats at 4 or more conditions would separate noise from a missing effect."
+    return replace(rows, warnings=(*rows.warnings, f"{note} {remedy}"))
 
 
 def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:

@@ -162,11 +162,9 @@ def condition_columns_of(
 
 def varying_pairs(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
-    pairs: set[tuple[str, str]] = set()
-    for observable, _, name, _, levels in condition_columns_of(measurements, rows):
-        if levels.size > 1:
-            pairs |= {(observable, name), (observable, f"{name} from 0" if levels[0] == 0.0 else name)}
-    return pairs
+    columns = condition_columns_of(measurements, rows)
+    vary = [(observable, name, levels[0]) for observable, _, name, _, levels in columns if levels.size > 1]
+    return {each[:2] for each in vary} | {(o, f"{name} from 0") for o, name, least in vary if least == 0.0}
 
 
 def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:

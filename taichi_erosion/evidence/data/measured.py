@@ -313,30 +313,27 @@ def value_unit_factor(row: Row, unit: str, file: str) -> float:
 
 def observable_unit_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every observable, from the unit that most of its rows have to that of the model."""
-    scales = {}
-    for name, unit in units.items():
-        common_unit = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        scales[name] = Scale(common_unit, conversion_factor(parse_unit(common_unit), parse_unit(unit)) or 1.0)
-    return scales
+    counts = {name: Counter(row.unit for row in rows if row.observable == name) for name in units}
+    usual = {name: count.most_common(1)[0][0] for name, count in counts.items()}
+    return {
+        n: Scale(u, conversion_factor(parse_unit(u), parse_unit(units[n])) or 1.0) for n, u in usual.items()
+    }
 
 
 def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) -> float:
     """Limit of a censored value in the model's unit, the middle of an interval; NaN for an ordinary value."""
     if not row.censored:
         if entry.transform != "identity" and row.value <= 0.0 and not entry.floor:
-            raise BadInput(
-                f"{file}: row {row.line}, value = {row.value:g} must be above 0 for transform = "
-                f"'{entry.transform}'; write '<' and the least value that is seen"
-            )
+            words = f"value = {row.value:g} must be above 0 for transform = '{entry.transform}'"
+            raise BadInput(f"{file}: row {row.line}, {words}; write '<' and the least value that is seen")
         return nan
     if isfinite(row.value):
         return factor * row.value
     if entry.floor:
         return entry.floor
-    raise BadInput(
-        f"{file}: row {row.line}, value is empty: write '<' and the least value that is seen, or give "
-        f"observables.{row.observable}.floor in the study"
-    )
+    floor = f"give observables.{row.observable}.floor in the study"
+    words = "value is empty: write '<' and the least value that is seen"
+    raise BadInput(f"{file}: row {row.line}, {words}, or {floor}")
 
 
 def notes_on_condition_errors(measurements: Measurements, table: Table) -> Iterator[str]:

@@ -87,9 +87,7 @@ def value_on_axis(axis: Axis, x: float) -> float:
 
 def axis_position(axis: Axis, value: float) -> float:
     """Position on the axis of a number."""
-    if axis.logarithmic:
-        return log(value / axis.start) / axis.scale
-    return (value - axis.start) / axis.scale
+    return (log(value / axis.start) if axis.logarithmic else value - axis.start) / axis.scale
 
 
 def split_numbers(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], dict[str, float]]:

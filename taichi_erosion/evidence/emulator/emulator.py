@@ -31,16 +31,8 @@ from taichi_erosion.evidence.data.problem import (
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
+from taichi_erosion.evidence.emulator import gaussian_process
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
-from taichi_erosion.evidence.emulator.gaussian_process import (
-    ActiveInputs,
-    GaussianProcess,
-    JointErrors,
-    Points,
-    consecutive_slices,
-    fit_gaussian_process,
-    joint_errors,
-)
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.predictor import AxisScale, axis_scale_of
 from taichi_erosion.mechanisms.library import dose_position
@@ -75,7 +67,9 @@ class EmulatorInputs:
         """Effects and mechanisms in the order of their inputs."""
         return (*(candidate.name for candidate in self.candidates), *self.mechanisms)
 
-    def standardise(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
+    def standardise(
+        self, size: int, at: Conditions, parameters: Columns, effects: Columns
+    ) -> gaussian_process.Points:
         """Standardised inputs of rows; everything is a column; a factor of a number is that number."""
         none = np.full(size, np.nan)
         conditions, values = at or {"": none}, dict(parameters)
@@ -86,7 +80,9 @@ class EmulatorInputs:
         acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names_of_effects}
         psi = [self.strength(each, conditions, parameters, acting[each.name]) for each in self.candidates]
         psi += [dose_position(acting[name]) for name in self.mechanisms]
-        return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
+        return gaussian_process.Points(
+            *(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi))
+        )
 
     def strength(self, candidate: Candidate, at: Conditions, parameters: Columns, psi: Floats) -> Floats:
         """Place of strength over the expected one, times the effect's dose; 0 where the effect cannot act."""
@@ -102,7 +98,7 @@ class EmulatorInputs:
             dose = np.where(effect.can_act(conditions), effect.dose(params, conditions), 0.0)
         return strength_position(psi / expected_strength(candidate) * dose)
 
-    def active_inputs(self) -> ActiveInputs:
+    def active_inputs(self) -> gaussian_process.ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
         library = self.scene.simulator.library
         bare = self.scene.simulator.effects_acting_in_scene(self.scene.measure.scene)
@@ -111,7 +107,7 @@ class EmulatorInputs:
             read = {name for effect in present for name in library[effect].reads}
             conditions.append([simulator.condition_matters(path, read) for path in self.scales])
             numbers.append([simulator.parameter_can_change_run(axis.name, present) for axis in self.axes])
-        return ActiveInputs(np.array(conditions, bool), np.array(numbers, bool))
+        return gaussian_process.ActiveInputs(np.array(conditions, bool), np.array(numbers, bool))
 
 
 @dataclass(frozen=True)
@@ -120,7 +116,7 @@ class ObservableEmulator:
 
     inputs: EmulatorInputs
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
-    process: GaussianProcess
+    process: gaussian_process.GaussianProcess
     run_sd: float  # of the value of one run, on the comparison scale
     run_numbers: Integers  # runs of its scene that gave a value, in the order of the process
 
@@ -140,7 +136,7 @@ class Emulator:
         return np.tile(from_scale(emulator.scale, mean), (len(seeds), 1))
 
     @cached_property
-    def joint_errors_by_scene(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
+    def joint_errors_by_scene(self) -> dict[Path, tuple[tuple[str, ...], gaussian_process.JointErrors]]:
         """Observables of every scene, and the errors that their emulators share."""
         by_scene: dict[Path, list[str]] = {}
         for name, each in self.emulators.items():
@@ -149,20 +145,20 @@ class Emulator:
         for scene, names in by_scene.items():
             emulators = [self.emulators[name] for name in names]
             numbers = [each.run_numbers for each in emulators]
-            joint = joint_errors([each.process for each in emulators], numbers)
+            joint = gaussian_process.joint_errors([each.process for each in emulators], numbers)
             errors[scene] = (tuple(names), joint)
         return errors
 
     def error_covariance(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
-        places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
+        places, points, steepness = dict[Path, list[int]](), list[gaussian_process.Points](), list[Floats]()
         for place, (observable, conditions, doses) in enumerate(queries):
             emulator = self.emulators[observable.name]
             places.setdefault(emulator.inputs.scene.measure.scene, []).append(place)
             points.append(inputs_of_request(emulator.inputs, conditions, parameters, {**effects, **doses}))
             value = from_scale(emulator.scale, emulator.process.mean(points[-1]))
             steepness.append(slope(observable, value) / slope(emulator.scale, value))
-        rows = consecutive_slices([each.size for each in steepness])
+        rows = gaussian_process.consecutive_slices([each.size for each in steepness])
         whole = np.zeros((rows[-1].stop,) * 2)
         for scene, indices in places.items():
             names, joint = self.joint_errors_by_scene[scene]
@@ -177,7 +173,7 @@ def inputs_of_request(
     conditions: Conditions,
     parameters: Mapping[str, float],
     effects: Mapping[str, float | Floats],
-) -> Points:
+) -> gaussian_process.Points:
     """Inputs of a request, in which numbers are the same for all rows; so are strengths, but for doses."""
     rows = row_count(conditions)
     at = {path: column for name, column in conditions.items() for path in simulator.dotted_paths(name)}
@@ -213,8 +209,8 @@ def fit_emulators(
             why = f"; {len(failures)} stopped, the first: {failures[0]}" if failures else ""
             count = f"{good.sum()} of {len(results)} runs gave a value"
             raise SimulationStopped(f"{name}: {count}, {LEAST_RUNS} are needed{why}")
-        training = Points(points.x[good], points.c[good], points.psi[good])
-        process = fit_gaussian_process(training, z[good], inputs.active_inputs())
+        training = gaussian_process.Points(points.x[good], points.c[good], points.psi[good])
+        process = gaussian_process.fit_gaussian_process(training, z[good], inputs.active_inputs())
         typical = np.median(values[good], keepdims=True)
         run_sd = process.scatter * float((slope(observables[name], typical) / slope(scale, typical))[0])
         emulators[name] = ObservableEmulator(inputs, scale, process, run_sd, np.flatnonzero(good))

@@ -161,10 +161,8 @@ class FreshSimulator:
                 at, measure = row_at(columns, k), scene.simulator.measures[name]
                 tested.append(TestedRow(row, observable, place, emulator, measure, at))
                 group.setdefault(tuple(sorted(at.items())), []).append(row)
-        chosen: set[int] = set()
-        for group in groups.values():
-            ranked = sorted(group.values(), key=lambda rows: -float(weight[rows].sum()))
-            chosen |= {row for rows in ranked[:MOST_SETS] for row in rows}
+        ranked = (sorted(g.values(), key=lambda rows: -float(weight[rows].sum())) for g in groups.values())
+        chosen = {row for sets in ranked for rows in sets[:MOST_SETS] for row in rows}
         return [each for each in tested if each.row in chosen]
 
     def point_runs(self, point: Point, seeds: int) -> list[RunRequest]:

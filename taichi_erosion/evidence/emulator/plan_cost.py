@@ -120,6 +120,4 @@ def span(seconds: float) -> str:
 def phase_shares(phases: Sequence[float], phase: int) -> tuple[float, float]:
     """Share of the whole before a phase, and that of the phase itself; 1 and 0 beyond the plan."""
     total = sum(phases) or 1.0
-    if phase >= len(phases):
-        return 1.0, 0.0
-    return sum(phases[:phase]) / total, phases[phase] / total
+    return (sum(phases[:phase]) / total, phases[phase] / total) if phase < len(phases) else (1.0, 0.0)

@@ -9,7 +9,7 @@ scene cannot show is known from the scene itself, before a run is spent on it.
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -82,10 +82,8 @@ def initial_training_runs(study: Study, effects: Sequence[str], budget: str) -> 
         if planned <= most:
             break
     else:
-        raise BadInput(
-            f"{study.path}: a budget of {most} runs is too small; the study needs at least {planned}: "
-            "raise it, or list fewer candidates"
-        )
+        words = f"a budget of {most} runs is too small; the study needs at least {planned}"
+        raise BadInput(f"{study.path}: {words}: raise it, or list fewer candidates")
     usual = design.PLAN_SIZES[budget]
     numbers = {name: min(getattr(usual, name), getattr(size, name)) for name in SPREAD}
     rounds = usual.rounds if all(getattr(usual, name) == n for name, n in numbers.items()) else 0
@@ -126,11 +124,8 @@ def laboratory_conditions(study: Study, first: Row) -> tuple[Row, ...]:
     """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     columns, ranges = study.file.conditions, study.file.laboratory.ranges
     levels = [[(name, x) for x in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()]
-    return tuple(
-        first | {path: float(value) for name, value in chosen for path in dotted_paths(columns[name])}
-        for chosen in product(*levels)
-        if chosen
-    )
+    sets = product(*levels) if levels else ()
+    return tuple(first | {p: float(x) for n, x in each for p in dotted_paths(columns[n])} for each in sets)
 
 
 def effects_by_name(problem: Problem) -> dict[str, Candidate]:
@@ -181,12 +176,10 @@ def add_refinement_round(
     limits = {name: (0.0, each.maximum) for name, each in effects_by_name(training.study.problem).items()}
     limits |= {each.name: (each.low, each.high) for each in training.mechanisms}
     count = (training.plan_size if budget is None else design.PLAN_SIZES[budget]).round
-    more: list[TrainingRun] = []
-    for scene in training.scenes:
-        for number, point in enumerate(about):
-            if point.effects.keys() <= limits.keys():
-                more += design.refinement_runs(scene, limits, point, count, f"{key}|{number}")
-    return replace(training, runs=(*training.runs, *more))
+    points = [(f"{key}|{k}", point) for k, point in enumerate(about) if point.effects.keys() <= limits.keys()]
+    pairs = product(training.scenes, points)
+    more = [design.refinement_runs(scene, limits, point, count, name) for scene, (name, point) in pairs]
+    return replace(training, runs=(*training.runs, *chain(*more)))
 
 
 def has_room_for_round(training: TrainingRuns, about: Sequence[Setting]) -> bool:
@@ -323,9 +316,6 @@ def problem_with_emulator(problem: Problem, emulator: Emulator) -> Problem:
 
 def notes_on_invisible_effects(training: TrainingRuns) -> list[str]:
     """Candidates that no scene of the study can show."""
-    notes = []
-    for each in training.study.problem.candidates:
-        reasons = [design.why_effect_cannot_act(scene, each) for scene in training.scenes]
-        if all(reason is not None for reason in reasons):
-            notes.append(f"{each.name} was not simulated: {reasons[0]}.")
-    return notes
+    candidates = training.study.problem.candidates
+    reasons = {c.name: [design.why_effect_cannot_act(s, c) for s in training.scenes] for c in candidates}
+    return [f"{name} was not simulated: {why[0]}." for name, why in reasons.items() if None not in why]

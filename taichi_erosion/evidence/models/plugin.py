@@ -252,11 +252,10 @@ def load_function_effects(
     for file in files:
         effect = effect_in(file)
         if effect.place != "instrument" and effect.mechanism not in places:
-            raise BadInput(
-                f"{path}: effect '{effect.name}' of {file} has place '{effect.place}', which acts inside a "
-                "simulation; a study with model = ... takes effects of place 'instrument', and laws of the "
-                "mechanisms that its function declares"
-            )
+            place = f"place '{effect.place}', which acts inside a simulation"
+            able = "effects of place 'instrument', and laws of the mechanisms that its function declares"
+            words = f"has {place}; a study with model = ... takes {able}"
+            raise BadInput(f"{path}: effect '{effect.name}' of {file} {words}")
         if effect.name in effects:
             raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
         effects[effect.name] = effect

@@ -6,17 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import (
-    Candidate,
-    Conditions,
-    Floats,
-    Integers,
-    Model,
-    Numbers,
-    Observable,
-    Uncertainty,
-    pick_rows,
-)
+from taichi_erosion.evidence.data import problem
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, pick_rows
 from taichi_erosion.evidence.data.transforms import Axis, split_numbers, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
@@ -36,13 +27,13 @@ class ModelCost:
 class Predictor:
     """A model bound to rows and axes; `predict` is the only place where the model is called."""
 
-    model: Model
+    model: problem.Model
     observables: tuple[Observable, ...]
     which: Integers
     conditions: Conditions
     axes: tuple[Axis, ...]
-    candidates: tuple[Candidate, ...]
-    uncertainty: Uncertainty | None = None
+    candidates: tuple[problem.Candidate, ...]
+    uncertainty: problem.Uncertainty | None = None
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
 

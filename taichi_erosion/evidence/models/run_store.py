@@ -120,10 +120,8 @@ class FunctionModel:
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
         self.run_counts.update(dict.fromkeys(keys, row_count(conditions)))
         if self.cap is not None and (total := sum(self.run_counts.values())) > self.cap:
-            raise BudgetSpentError(
-                f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
-                "made are kept. Raise budget.runs"
-            )
+            words = f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed"
+            raise BudgetSpentError(f"{words}; those that were made are kept. Raise budget.runs")
         stored = self.store.fetch_runs(keys)
         missing = [k for k, key in enumerate(keys) if key not in stored]
         if missing:

@@ -9,17 +9,10 @@ from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.evidence import record as records
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
-from taichi_erosion.evidence.record import (
-    CheckPart,
-    ExperimentPart,
-    HeldOutPart,
-    Interval,
-    PredictedPart,
-    PredictionPart,
-    Record,
-)
+from taichi_erosion.evidence.record import Interval, Record
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
 from taichi_erosion.scene.physical_ranges import range_at
@@ -169,7 +162,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     return trim_answer(Answer((first,), holds, following, error_table(record, vault)), record)
 
 
-def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
+def adoption_lines(record: Record, vault: records.HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
     rows, names = count_noun(vault.n, "held-out row"), say.join_words(vault.adopted)
     numbers = part_words.calibrated_numbers_line
@@ -198,7 +191,7 @@ def adoption_lines(record: Record, vault: HeldOutPart, voc: say.Vocabulary) -> t
     return first, numbers(record, before=False, without=names), last
 
 
-def control_sentence(vault: HeldOutPart, voc: say.Vocabulary) -> str:
+def control_sentence(vault: records.HeldOutPart, voc: say.Vocabulary) -> str:
     """What a random other effect does, and how varied and unseen the rows are."""
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
@@ -209,7 +202,7 @@ def control_sentence(vault: HeldOutPart, voc: say.Vocabulary) -> str:
     return words + alike * bool(vault.alike) + openings * (vault.opened > 1)
 
 
-def error_table(record: Record, vault: HeldOutPart) -> Table:
+def error_table(record: Record, vault: records.HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     parts, wrong = [(n, record.effects.get(n)) for n in vault.adopted], vault.chi2_per_row_wrong_effect
     names = (f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
@@ -258,7 +251,9 @@ def explanation_name(key: str) -> str:
     return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 
 
-def experiment_table_row(experiment: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
+def experiment_table_row(
+    experiment: records.ExperimentPart, keys: list[str], voc: say.Vocabulary
+) -> tuple[str, ...]:
     """Where to measure, what each explanation expects, the chance to decide."""
     name, unit = experiment.observable, voc.units.value_unit(experiment.observable)
     expected = (experiment.predictions.get(key) for key in keys)
@@ -267,7 +262,9 @@ def experiment_table_row(experiment: ExperimentPart, keys: list[str], voc: say.V
     return heading(say.in_words(name), unit), at, *values, chance, plain(experiment.cost, 2)
 
 
-def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
+def prediction_answer(
+    prediction: records.PredictionPart, about: Mapping[str, Any], units: TableUnits
+) -> Answer:
     """Which model answers, what its intervals rest on, and how they have held."""
     hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.join_words(about["adopted"])
     model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
@@ -298,7 +295,7 @@ def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], unit
     return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(prediction, units))
 
 
-def coverage_line(rows: str, check: CheckPart) -> str:
+def coverage_line(rows: str, check: records.CheckPart) -> str:
     """How many measured values lie inside their intervals."""
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
@@ -307,7 +304,7 @@ def coverage_line(rows: str, check: CheckPart) -> str:
     return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}.{limits}"
 
 
-def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | None:
+def prediction_rows(prediction: records.PredictionPart, units: TableUnits) -> Table | None:
     """One row for each prediction, in the units of the tables."""
     if not prediction.rows:
         return None
@@ -321,7 +318,7 @@ def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | No
     return Table("predictions", columns, rows)
 
 
-def value_cells(row: PredictedPart, units: TableUnits) -> tuple[str, ...]:
+def value_cells(row: records.PredictedPart, units: TableUnits) -> tuple[str, ...]:
     """Model, value with its interval, interval of one measurement; dashes where the model has no value."""
     if isnan(row.value):
         return ("-",) * 3
@@ -331,7 +328,7 @@ def value_cells(row: PredictedPart, units: TableUnits) -> tuple[str, ...]:
     return plain(scale * row.model), value, single
 
 
-def out_of_range_text(row: PredictedPart) -> str:
+def out_of_range_text(row: records.PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
     ends = [f"{n} beyond {with_unit(plain(x, 4), row.condition_units[n])}" for n, x in row.outside.items()]
     return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))

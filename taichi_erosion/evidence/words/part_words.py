@@ -63,7 +63,9 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
     name, label = f"the {say.in_words(error.observable)}", getattr(error, "label", "")
     more, lies = ("more", "above") if error.value > 0.0 else ("less", "below")
     unit = unit_mistake_text(error.value) if error.kind == "factor" else ""
-    times, far = f"{say.interval(error, 3)} times", voc.difference_text(error.observable, error)
+    times, scale = f"{say.interval(error, 3)} times", voc.scale(error.observable)
+    along = -scale if error.value < 0.0 else scale  # a difference is counted along its sign
+    far = say.interval(error, 2, along, voc.units.value_unit(error.observable))
     size, other = f"{far} {more}", getattr(error, "other", "") or "the others"
     relation = f"is {times} that of" if getattr(error, "is_factor", False) else f"lies {far} {lies}"
     return {

@@ -124,10 +124,8 @@ def set_up_consequences(document: Document) -> Iterator[str]:
     for word, name in (("grains", "kinds"), ("stiffness", "softening"), ("rolling friction", "rolling")):
         yield from (f"{word}: {line}" for line in limits.get(name, ()))
     if adhesion := limits.get("adhesion"):
-        yield (
-            f"adhesion: grains pull with {adhesion['pull_off_force']:.3g} N, {adhesion['bond_number']:.3g} "
-            f"weights, and stick below {adhesion['sticking_speed']:.3g} m/s"
-        )
+        pull = f"{adhesion['pull_off_force']:.3g} N, {adhesion['bond_number']:.3g} weights"
+        yield f"adhesion: grains pull with {pull}, and stick below {adhesion['sticking_speed']:.3g} m/s"
 
 
 def cost_and_origin_text(document: Document) -> str:

@@ -64,11 +64,6 @@ class Vocabulary:
         """Factor from the unit of the model to that of the table."""
         return self.units.value(observable, 1.0) or 1.0
 
-    def difference_text(self, observable: str, size: Interval) -> str:
-        """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
-        sign = -1.0 if size.value < 0.0 else 1.0
-        return interval(size, 2, sign * self.scale(observable), self.units.value_unit(observable))
-
 
 def in_words(name: str) -> str:
     """An observable, condition or number in words: `threshold friction velocity`, `pile height`."""

@@ -6,14 +6,7 @@ from math import ceil, pi
 import numpy as np
 
 from taichi_erosion.core import air_setup
-from taichi_erosion.core.air_setup import (
-    AirModel,
-    AirSetup,
-    AirSide,
-    ClosureConstants,
-    InitialTurbulence,
-    InletTurbulence,
-)
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide
 from taichi_erosion.core.setup import Coupling, Floats
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import nominal_diameter, scene_mean_cubed_diameter
@@ -71,7 +64,7 @@ def air_on_several_columns(column: AirSetup, wind: Wind, diameter: float, seed: 
         model=AirModel(closure=wind.closure, exchange=True),
         implicitness=CENTRED if eddies else column.implicitness,
         driving_gradient=(air_setup.stress_gradient(column, column.friction_velocity), 0.0, 0.0),
-        initial_turbulence=InitialTurbulence(
+        initial_turbulence=air_setup.InitialTurbulence(
             wind.stir if eddies else 0.0, wind.turnovers, GRAIN_ROUGHNESS * diameter, seed
         ),
     )
@@ -176,7 +169,7 @@ def build_air(scene: schema.AirScene, seed: int) -> AirSetup:
         viscosity=air.viscosity,
         time_step=run_time_step(scene),
         model=model,
-        constants=ClosureConstants(
+        constants=air_setup.ClosureConstants(
             karman=air.karman, smagorinsky=air.smagorinsky, length_share=air.length_share
         ),
         friction_velocity=air.friction_velocity,
@@ -184,7 +177,7 @@ def build_air(scene: schema.AirScene, seed: int) -> AirSetup:
         implicitness=air.implicitness,
         inlet_shape=shape,
         turbulence=air.turbulence
-        and InletTurbulence(
+        and air_setup.InletTurbulence(
             air.turbulence.deviation, air.turbulence.integral_length, seed, air.turbulence.waves
         ),
         start=shape if shape is not None else initial_wind_guess(air),

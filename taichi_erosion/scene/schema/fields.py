@@ -93,9 +93,8 @@ def multiply_numbers(value: Any, factor: float) -> Any:
     if isinstance(value, tuple):
         parts = tuple(multiply_numbers(entry, factor) for entry in value)
         return None if None in parts else parts or None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) * factor
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) * factor if is_number else None
 
 
 def unknown_key_error(key: str, keys: Iterable[str], also: str = "") -> PydanticCustomError:

@@ -110,7 +110,7 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count,
 
 
 def test_what_is_left_of_a_prior_counts_on_its_own_scale(study):
-    far = study_text().replace("start = 0.1\nlow = 0.05", "start = 0.02\nlow = 0.005", 1)
+    far = study_text().replace("start = 0.1, low = 0.05", "start = 0.02, low = 0.005", 1)
     found = ask("compare", study(rows(6).replace(",0.004,", ",0.5,"), far)).record
     assert abs(found.parameters["threshold_coefficient"].prior_share - 1.0) < 3.0 * 0.02, "2,000 draws"
 

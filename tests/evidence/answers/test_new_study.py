@@ -196,11 +196,8 @@ def test_what_is_measured_at_one_heap_is_of_one_apparatus(tmp_path):
     document, study = made(tmp_path, HEAPS, NewStudyOptions(sd=SPREAD))
     assert {each.scene for each in study.file.observables.values()} == {"cylinder.toml"}
     assert "diameters of heaps are halved: runout_radius is a radius" in document["assumed"]
-    _, study = made(
-        tmp_path,
-        HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]"),
-        NewStudyOptions(TableOptions({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD),
-    )
+    wishes = NewStudyOptions(TableOptions({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD)
+    _, study = made(tmp_path, HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]"), wishes)
     assert {each.scene for each in study.file.observables.values()} == {"collapse.toml"}
 
 
@@ -226,9 +223,8 @@ def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_th
 
 
 def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
-    path = made(
-        tmp_path, FRICTION, NewStudyOptions(TableOptions({"runout": "runout_radius"}), apparatus="collapse")
-    )[1].path
+    wishes = NewStudyOptions(TableOptions({"runout": "runout_radius"}), apparatus="collapse")
+    path = made(tmp_path, FRICTION, wishes)[1].path
     number = "contact.grain-grain.friction_sliding"
     with path.open("a", encoding="utf-8") as file:
         file.write(f'\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n')
@@ -280,21 +276,19 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
     (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
     assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
     text = "pore volume [mm3/g];settling velocity [m/s];sd\n0;1,91;0,1\n100;1,8;0,1\n200;1,7;0,1\n"
-    wishes = NewStudyOptions(
-        scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er"
-    )
+    folder, pull = tmp_path / "deep" / "er", (Path("my_pull.py"),)
+    wishes = NewStudyOptions(scene=Path("fall.toml"), effects=pull, folder=folder)
     _, study = made(tmp_path, text, wishes)
     assert study.file.study.effect_files == ("../../my_pull.py",)
     assert study.file.observables["settling_velocity"].scene == "../../fall.toml"
     assert study.problem.measurements.conditions["pore_volume"] == pytest.approx([0.0, 0.1, 0.2])
     assert "my_pull" in study.problem.candidate_names
-    assert not list((tmp_path / "deep" / "er").glob("fall*"))
+    assert not list(folder.glob("fall*"))
 
 
 def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
-    wishes = NewStudyOptions(
-        TableOptions(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml"
-    )
+    scene = ROOT / "doe" / "own_effect" / "fall.toml"
+    wishes = NewStudyOptions(TableOptions(conditions={"roots": "g/kg"}), scene=scene)
     (fault,) = faults_of(tmp_path, b"roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", wishes)
     assert "does not declare the condition 'roots'; write [conditions.extra]" in fault
 

@@ -259,8 +259,7 @@ def test_sites_of_one_moisture_each_do_not_refute_what_moisture_does(tmp_path):
     ]
     study = study_of(tmp_path, "", "\n".join(["Site,Moisture (%),d (mm),u*t (m/s),SD,n", *rows, ""]))
     record = answer(study).record
-    assert record.named == ("liquid_bridge",)
-    assert record.refuted == ()
+    assert (record.named, record.refuted) == (("liquid_bridge",), ())
 
 
 @pytest.mark.parametrize("heading", ["植被盖度", "Растительный покров", "Φυτοκάλυψη"])

@@ -16,17 +16,8 @@ from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.api.studies import new_study
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import rounds
+from taichi_erosion.evidence.answers import fresh_test, rounds
 from taichi_erosion.evidence.answers.commands import bare, discover_record, infer_all, no_progress, open_study
-from taichi_erosion.evidence.answers.fresh_test import (
-    CLOSER,
-    after_runs,
-    answer_and_rivals,
-    confirms,
-    leaves_mechanisms_open,
-    run_fresh_test,
-    run_setting,
-)
 from taichi_erosion.evidence.answers.set_up import small_heap_faults
 from taichi_erosion.evidence.data.problem import Mechanism, SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
@@ -204,7 +195,7 @@ def asked(
         calls.append((times, weight.size, len(settings)))
         return FreshCampaign(tuple(made), keys, times * SEEDS, round(fails * len(keys)))
 
-    part, keys = run_fresh_test(posterior, decision, simulate, lambda words, share: None)
+    part, keys = fresh_test.run_fresh_test(posterior, decision, simulate, lambda words, share: None)
     assert len(keys) == part.runs
     return part
 
@@ -216,18 +207,18 @@ def test_runs_confirm_what_they_show_and_contradict_what_they_do_not(share, outc
     assert (part.outcome, part.effects) == (outcome, decision.named or decision.acting_mechanisms)
     assert part.emulated > SURE
     assert (part.simulated > SURE, part.p > 0.05) == (share == 1.0,) * 2
-    assert after_runs(decision, part).acting_mechanisms == decision.acting_mechanisms * int(share)
+    assert fresh_test.after_runs(decision, part).acting_mechanisms == decision.acting_mechanisms * int(share)
 
 
 def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_its_place():
     found = on_function(*MECHANISM)
     (name,), p = found.decision.acting_mechanisms, found.posterior
-    told = run_setting(p.race, p.best_fit)
+    told = fresh_test.run_setting(p.race, p.best_fit)
     assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
     assert len({own[name] for _, own in told.doses}) > 3
     for shares in ((0.3, 0.65), (0.03, 0.97)):  # a table and a few runs that differ leave both
         rival = FreshPart("contradicted", (name,), simulated=shares[0], rival=("lift",), rivals=shares[1])
-        assert after_runs(found.decision, rival).acting_mechanisms == ("lift", name)
+        assert fresh_test.after_runs(found.decision, rival).acting_mechanisms == ("lift", name)
 
 
 def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_most():
@@ -237,7 +228,8 @@ def test_runs_that_leave_two_mechanisms_open_get_further_seeds_where_they_tell_m
     rows = on_function(*MECHANISM).posterior.race.prepared.rows.size
     assert more, "at least one of four was open"
     assert all(times in (2, 4, 8) and size < rows and settings == 2 for times, size, settings in more)
-    assert all(not leaves_mechanisms_open(part) or part.runs > (CLOSER - 1) * 3 * SEEDS for part in parts)
+    spent = (fresh_test.CLOSER - 1) * 3 * SEEDS
+    assert all(not fresh_test.leaves_mechanisms_open(part) or part.runs > spent for part in parts)
     calls.clear()
     asked(1.0, case=MECHANISM)
     assert [times for times, *_ in calls] == [1], "confirmed at once"
@@ -288,15 +280,15 @@ def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
 
 def test_without_room_for_runs_nothing_is_said():
     found, spent = on_function(SINGLE), FreshCampaign((), frozenset("abc"), 0)
-    part, keys = run_fresh_test(found.posterior, found.decision, lambda *_: spent, lambda words, share: None)
+    part, keys = fresh_test.run_fresh_test(found.posterior, found.decision, lambda *_: spent, no_progress)
     assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
 
 
 def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
     found = on_function(SINGLE)
-    told, rival, bare = answer_and_rivals(found.posterior.race, found.decision)
+    told, rival, bare = fresh_test.answer_and_rivals(found.posterior.race, found.decision)
     assert (told.acting, bare.acting, bool(rival.acting)) == (found.decision.named, (), True)
-    assert not confirms(found.decision, Hypothesis(rival.acting))
+    assert not fresh_test.confirms(found.decision, Hypothesis(rival.acting))
     assert {fit.hypothesis.names for fit in bare.fits} == {()}
 
 

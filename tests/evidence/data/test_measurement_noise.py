@@ -137,8 +137,7 @@ def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laborator
     before, after = (comparison_rows(each, each.measurements) for each in (problem, wrong))
     (found,) = after.unmerged
     assert not before.unmerged
-    assert found.suspects == (row + 2,)
-    assert found.gap == pytest.approx(30.0, abs=3.0)
+    assert (found.suspects, found.gap) == ((row + 2,), pytest.approx(30.0, abs=3.0))
     # a row of its own; its sound repeats stay merged
     assert [after.lines[k] for k in np.flatnonzero(after.rows_to_check)] == [(row + 2,)]
     same = {lines: variance for lines, variance in zip(before.lines, before.variance, strict=True)}
@@ -156,8 +155,7 @@ def test_of_a_pair_the_row_far_from_its_neighbours_is_to_be_checked(laboratory, 
     left = np.delete(np.arange(table.size), next(each for each in third if each != row))
     pair = replace(with_value(problem, row, table.value[row] + off).measurements.pick_rows_at(left), line=())
     (found,) = comparison_rows(problem, pair).unmerged
-    assert len(found.lines) == 2
-    assert found.suspects == (int(np.flatnonzero(left == row)[0]) + 2,)
+    assert (len(found.lines), found.suspects) == (2, (int(np.flatnonzero(left == row)[0]) + 2,))
 
 
 def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():

@@ -25,13 +25,10 @@ def joint() -> gaussian_process.JointErrors:
     errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T
     known = [np.arange(RUNS), np.delete(np.arange(RUNS), [3, 30, 35])]
     values = [smooth + SCATTER * errors[:, 0], -0.6 * smooth + SCATTER * errors[:, 1]]
-    processes = [
-        gaussian_process.fit_gaussian_process(
-            gaussian_process.Points(at.x[own], at.c[own], at.psi[own]), value[own], READS
-        )
-        for own, value in zip(known, values, strict=True)
-    ]
-    return gaussian_process.joint_errors(processes, known)
+    points = [gaussian_process.Points(at.x[own], at.c[own], at.psi[own]) for own in known]
+    seen = [value[own] for own, value in zip(known, values, strict=True)]
+    processes = map(gaussian_process.fit_gaussian_process, points, seen, [READS] * 2)
+    return gaussian_process.joint_errors(list(processes), known)
 
 
 def test_observables_that_move_alike_have_errors_that_hang_together(joint):

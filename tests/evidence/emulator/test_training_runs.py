@@ -36,10 +36,8 @@ transform = "log"
 [conditions]
 angularity = "conditions.angularity"
 diameter = "grains.size.diameter"
-[parameters."{FRICTION}"]
-start = 0.15
-low = 0.02
-high = 0.6
+[parameters]
+"{FRICTION}" = {{ start = 0.15, low = 0.02, high = 0.6 }}
 [candidates]
 effects = ["rolling_resistance", "dry_adhesion"]
 """

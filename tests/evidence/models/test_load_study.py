@@ -43,10 +43,8 @@ def own_study(tmp_path):
 
 
 def ask(path: Path):
-    rows = np.zeros(4)
-    return load_study(path).problem.model(
-        "repose_angle", {"moisture": rows, "diameter": rows}, {}, {}, np.arange(2)
-    )
+    at = dict.fromkeys(("moisture", "diameter"), np.zeros(4))
+    return load_study(path).problem.model("repose_angle", at, {}, {}, np.arange(2))
 
 
 def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, tmp_path, capsys):
@@ -173,10 +171,9 @@ def sands(tmp_path: Path):
     """Function that reads a study on one of the functions."""
     (tmp_path / "table.py").write_text(UNSURE_MODEL, encoding="utf-8")
     (tmp_path / "level.txt").write_text("0.3\n", encoding="utf-8")
-    lines = ["observable,value,sd,n,unit,diameter [mm]"]
-    for size, value in enumerate(MEASURED, 1):
-        lines.append(f"threshold_u_star,{value:.6g},{0.02 * value:.6g},1,m/s,{0.1 * size}")
-    (tmp_path / "sands.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = [f"threshold_u_star,{v:.6g},{0.02 * v:.6g},1,m/s,{0.1 * k}" for k, v in enumerate(MEASURED, 1)]
+    table = "\n".join(["observable,value,sd,n,unit,diameter [mm]", *rows, ""])
+    (tmp_path / "sands.csv").write_text(table, encoding="utf-8")
 
     def read(function: str):
         path = tmp_path / f"{function}.toml"

@@ -35,10 +35,8 @@ moisture = "conditions.moisture"
 angularity = "conditions.angularity"
 diameter = "grains.size.diameter"
 roots = "conditions.root_density"
-[parameters."{FRICTION}"]
-start = 0.12
-low = 0.02
-high = 0.6
+[parameters]
+"{FRICTION}" = {{ start = 0.12, low = 0.02, high = 0.6 }}
 [candidates]
 effects = ["liquid_bridge", "rolling_resistance", "dry_adhesion"]
 """

@@ -51,13 +51,8 @@ PLACES = [(path, unit) for path, unit in (*SCENE, *NUMBERS) if unit not in NO_NU
 
 
 def study(**conditions: str) -> StudyFile:
-    return StudyFile.model_validate(
-        {
-            "study": {"measurements": "t.csv"},
-            "observables": {"pile_height": {"scene": "s.toml"}},
-            "conditions": conditions,
-        }
-    )
+    sections = {"study": {"measurements": "t.csv"}, "observables": {"pile_height": {"scene": "s.toml"}}}
+    return StudyFile.model_validate(sections | {"conditions": conditions})
 
 
 def converted(folder: Path, heading: str, number: float, place: str) -> float:

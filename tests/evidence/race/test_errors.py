@@ -265,9 +265,8 @@ def test_numbers_are_not_moved_by_a_level():
 
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
-    found = race_record(
-        infer(replace(heaps(1), parameters=(problems.Parameter("slope", 0.1, 0.01, 0.15, 1.0),)), 1)
-    )
+    narrow = (problems.Parameter("slope", 0.1, 0.01, 0.15, 1.0),)
+    found = race_record(infer(replace(heaps(1), parameters=narrow), 1))
     assert found.named == found.group == ()
     assert found.parameters["slope"].at_end
     assert found.p_misfit < 0.01

@@ -211,8 +211,7 @@ def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
 def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
     adopted = ADOPTIONS[name]
     answers = discover_answer(with_adoption(single, adopted), VOC), adopt_answer(adopted, VOC)
-    assert answers[0].lines[-1] == answers[1].lines[-1]
-    assert acting_rows(answers[0]) == {"liquid_bridge"}
+    assert (answers[0].lines[-1], acting_rows(answers[0])) == (answers[1].lines[-1], {"liquid_bridge"})
 
 
 def test_the_probability_of_something_unlisted_counts_it_beside_effects_too():

@@ -73,8 +73,7 @@ def test_the_nominal_diameter_of_a_sieve_curve_halves_the_mass():
 
 def test_coarse_graining_magnifies_every_class_and_keeps_the_masses_and_a_cut_shares_them_by_logarithm():
     plain, coarse = (sizes.sieve_size_classes(size_of(COARSE | more)) for more in ({"scale": 1.0}, {}))
-    assert coarse[:, :2] == pytest.approx(4.0 * plain[:, :2])
-    assert coarse[:, 2] == pytest.approx(plain[:, 2])
+    assert (coarse[:, :2], coarse[:, 2]) == (pytest.approx(4.0 * plain[:, :2]), pytest.approx(plain[:, 2]))
     cut = size_of({"law": "sieve", "rows": ((1e-3, 4e-3, 8.0), (4e-3, 8e-3, 4.0)), "low": 2e-3})
     assert sizes.sieve_size_classes(cut)[:, 2] == pytest.approx([0.5, 0.5])
 

@@ -37,8 +37,7 @@ def test_walls_become_the_primitives_that_they_describe():
     rows = {each.name: walls.shape[walls.surface == k] for k, each in enumerate(setup.surfaces)}
     kinds = dict(zip(walls.surface.tolist(), walls.kind.tolist(), strict=True))
     assert [kinds[k] for k in range(6)] == [PrimitiveKind.PLANE, 1, 0, PrimitiveKind.REVOLVED, 1, 1]
-    assert len(rows["box"]) == 5
-    assert rows["box"][3, :6].tolist() == [1.0, 1.0, 1.0, 0.0, -1.0, 0.0]
+    assert (len(rows["box"]), rows["box"][3, :6].tolist()) == (5, [1.0, 1.0, 1.0, 0.0, -1.0, 0.0])
     assert rows["floor"][0, :6].tolist() == [0.0, 0.0, -0.5, 0.0, 0.0, 1.0]
     assert rows["tube"][0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.03, 0.0, 0.03, 0.2]
     assert rows["plate"][0, 6:].tolist() == [0.0, 0.0, 0.1, 0.0]
@@ -129,8 +128,7 @@ def test_a_box_may_be_periodic_without_wind_and_own_apparatus_needs_no_kind():
     table["geometry"] = {"floor": PLANE}
     table |= {"domain": {"period": [0.03, 0.04]}, "measure": {}, "stages": table["stages"][:1]}
     setup = replica_setup(parse_scene(table), 1)
-    assert setup.period == (0.03, 0.04, 0.0)
-    assert setup.domain[0][:2] == (0.0, 0.0)
+    assert (setup.period, setup.domain[0][:2]) == ((0.03, 0.04, 0.0), (0.0, 0.0))
     assert (setup.grains.position[:, :2] < (0.034, 0.044)).all()
     table["domain"]["period"] = [0.02, 0.04]
     with pytest.raises(BadInput, match=r"period\.0 = 0\.02 m holds 5 grains"):

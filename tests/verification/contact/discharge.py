@@ -79,12 +79,9 @@ def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
     """A flat-bottomed silo, periodic along its slot [m]; walls are two sides, plug, bottom and a tray."""
     half, reach, length = width / 2.0, slot / 2.0, SLOT_LENGTH * DIAMETER
     plug, bottom = bulk.strip(-reach, reach), bulk.strip(-half, -reach) + bulk.strip(reach, half)
-    walls = small.joined(
-        small.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
-        small.primitive_table(PrimitiveKind.TRIANGLE, plug),
-        small.primitive_table(PrimitiveKind.TRIANGLE, bottom),
-        small.planes(TRAY),
-    )
+    sides = small.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0))
+    triangles = (small.primitive_table(PrimitiveKind.TRIANGLE, each) for each in (plug, bottom))
+    walls = small.joined(sides, *triangles, small.planes(TRAY))
     grains = filling(count, (half, length / 2.0), False, seed)
     return bulk.periodic(small.sphere_setup(grains, touch(), TIME_STEP, walls, small.GRAVITY), length)
 
@@ -131,10 +128,8 @@ def discharged(silos: Silos) -> Iterator[Outcome]:
     sizes = np.unique(silos.openings)
     means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
     listed = ", ".join(f"{size:g}" for size in sizes)
-    name = (
-        f"Beverloo, {silos.kind} of {listed} d, {len(flow)} fillings, flow {means} g/s: exponent of "
-        f"(D - 1.4 d), {exponent:.2f} +- {error:.2f}, C {np.mean(factors):.2f}"
-    )
+    law = f"exponent of (D - 1.4 d), {exponent:.2f} +- {error:.2f}, C {np.mean(factors):.2f}"
+    name = f"Beverloo, {silos.kind} of {listed} d, {len(flow)} fillings, flow {means} g/s: {law}"
     yield Outcome(name, exponent, silos.exponent, TOLERANCE, "f32")
     yield below(f"standard error of the exponent, {silos.kind}", error, SENSIBLE, "f32")
     edge, error, chance = exact.discharge_edge(opening, DIAMETER, flow, silos.exponent)

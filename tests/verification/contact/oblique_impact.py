@@ -140,10 +140,8 @@ def spinning_impacts() -> Iterator[Outcome]:
     ratios = published.SPINNING_X[published.SPINNING_X < 1.0]
     normal = np.full(len(ratios), APPROACH)
     spin = 3.5 * SPHERE_FRICTION * 1.5 * normal / ratios / SPHERE_RADIUS
-    impacts = []
-    for solid in SPINNING.values():
-        touch = small.touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
-        impacts.append(impact_on_plane(touch, solid, SPHERE_RADIUS, normal, 0.0 * normal, spin))
+    touches = [(small.touch_of(s, None, SPHERE_RESTITUTION, SPHERE_FRICTION), s) for s in SPINNING.values()]
+    impacts = [impact_on_plane(*each, SPHERE_RADIUS, normal, 0.0 * normal, spin) for each in touches]
     for precision in PRECISIONS:
         for name, impact, after in zip(SPINNING, impacts, simulated(impacts, precision, FINE), strict=True):
             betas = -(after.tangential + impact.radius * after.spin) / (impact.radius * impact.spin)

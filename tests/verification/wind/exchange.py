@@ -147,14 +147,10 @@ def stirred_setup() -> Setup:
     grains = small.spheres(place, rng.normal(0.0, 1.0, (GRAINS, 3)), 0.0, RADIUS, sphere_mass(RADIUS, QUARTZ))
     setup = replace(small.sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
     faces = np.linspace(0.0, PATCH_HEIGHT, CELLS[2] + 1)
-    stirred = replace(
-        small.still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY),
-        cells=CELLS,
-        time_step=STEP * PATCH_INTERVAL,
-        model=AirModel(advection="none", exchange=True),
-        initial_turbulence=InitialTurbulence(0.0, 0.0, DIAMETER / 30.0, 1),
-        start=rng.normal(0.0, 2.0, (3, *CELLS)),
-    )
+    still = small.still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY)
+    stirred = replace(still, model=AirModel(advection="none", exchange=True), time_step=STEP * PATCH_INTERVAL)
+    turbulence, start = InitialTurbulence(0.0, 0.0, DIAMETER / 30.0, 1), rng.normal(0.0, 2.0, (3, *CELLS))
+    stirred = replace(stirred, cells=CELLS, initial_turbulence=turbulence, start=start)
     return small.in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
 
 
