@@ -17,6 +17,7 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.execution import RunOptions, checkpoint, checks, ensemble_loop, result
+from taichi_erosion.execution.ensemble_loop import run_ensemble
 from taichi_erosion.execution.recorder import Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.execution.stages import ReplicaState, count_whole_intervals
 from taichi_erosion.measures.threshold import pool_beds
@@ -170,7 +171,7 @@ def run_with_outputs(
         callbacks.append(partial(ensemble_loop.report_progress, options.progress))
     try:
         with defer_signals() as pending:
-            ensemble_loop.run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_first_signal()])
+            run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_first_signal()])
     except (KeyboardInterrupt, SystemExit) as interruption:
         checkpointer.save_ensemble(ensemble)
         closed = f"recording {stream.close(recorder.recording)}; " if recorder else ""
