@@ -95,8 +95,7 @@ def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[C
     Raises BadInput where none says what is missing.
     """
     folder = folder_of(study)
-    stored = ((command, read_reply(folder, study.stem, command)) for command in COMMANDS)
-    replies: dict[Command, Reply] = {command: reply for command, reply in stored if reply}
+    replies = {command: reply for command in COMMANDS if (reply := read_reply(folder, study.stem, command))}
     age = {each: answer_file(folder, study.stem, each).stat().st_mtime_ns for each in replies}
     digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
     answers = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}

@@ -280,8 +280,8 @@ def law_with_names(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, di
     if form.name == "exponential":
         return "", {}
     pattern, names = re.compile(r"(?<=/ )[\d.e+-]+(?=\))"), iter(form.conditions)
-    found = zip(form.conditions, pattern.findall(form.text), strict=False)
-    sizes = {f"{name}_0": (name, float(size)) for name, size in found}
+    pairs = zip(form.conditions, pattern.findall(form.text), strict=False)
+    sizes = {f"{name}_0": (name, float(size)) for name, size in pairs}
     text = pattern.sub(lambda _: f"{{{next(names)}_0}}", form.text)
     return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
 

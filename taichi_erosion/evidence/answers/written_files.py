@@ -142,9 +142,9 @@ def carry_over_vault(study: Study, before: Table, after: Table) -> tuple[list[Dr
     if len(before.rows) == len(after.rows):
         unmatched = {place for numbers in free.values() for place in numbers}
         places = [k if place is None and k in unmatched else place for k, place in enumerate(places)]
-    aside = ("vault", "source")  # what the vault makes of a row, and its place in the file
+    extras = ("vault", "source")  # what the vault makes of a row, and its place in the file
     tables = map(tidy_table_cells, (before, after))
-    was, now = ([{n: x for n, x in row.items() if x and n not in aside} for row in rows] for rows in tables)
+    was, now = ([{n: x for n, x in row.items() if x and n not in extras} for row in rows] for rows in tables)
     trios = zip(after.rows, now, places, strict=True)
     lines = [row.line for row, cells, place in trios if place is None or was[place] != cells]
     removed = len(before.rows) - sum(place is not None for place in places)
