@@ -95,8 +95,12 @@ def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[C
     Raises BadInput where none says what is missing.
     """
     folder = folder_of(study)
-    replies = {command: reply for command in COMMANDS if (reply := read_reply(folder, study.stem, command))}
-    age = {each: answer_file(folder, study.stem, each).stat().st_mtime_ns for each in replies}
+    replies = {}
+    age = {}
+    for command in COMMANDS:
+        if reply := read_reply(folder, study.stem, command):
+            replies[command] = reply
+            age[command] = answer_file(folder, study.stem, command).stat().st_mtime_ns
     digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
     answers = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
     answers = {name: reply for name, reply in answers.items() if reply.about["digest"] == digest}
