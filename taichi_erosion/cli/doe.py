@@ -120,9 +120,11 @@ def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
     """Print the optimum, and the confirmation runs with the measurement and the verdict."""
     print_optimum(calibration, page)
     for name, test in calibration.document["confirm"]["tests"].items():
-        runs, repeats = page.samples(test).values()
+        runs, repeats = page.confirmation_mean_sd_texts(test).values()
         typer.echo(f"{name}: {runs} simulated, {repeats} measured")
-        typer.echo(page.verdict(test, name, calibration.file.study.targets[name].unit).replace("**", ""))
+        typer.echo(
+            page.agreement_text(test, name, calibration.file.study.targets[name].unit).replace("**", "")
+        )
 
 
 @doe.command(**command_help("doe design"))

@@ -39,7 +39,8 @@ NUMBERED = re.compile(
 )
 NumbersByHeading = Mapping[str, Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
-LEAST_FREE = 4  # degrees of freedom from which lines say something
+LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
+SHARED = 0.95  # share of what varies at one value that they explain
 REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at its centre alone
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
@@ -118,7 +119,7 @@ def why_column_is_no_condition(
         return "it is the same in all rows"
     counts = distinct.size == values.size == 1 + np.ptp(values)
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
-    in_order = counts_rows(values) and not has_word(heading, known_words()["things"]["n"])
+    in_order = counts_rows(values) and has_word(heading, known_words()["rows"]["number"])
     in_order &= any(np.ptp(x) > 0.0 for x in others.values())
     acts = any(column_affects_result(values, y, np.zeros(y.size)) for y in results)
     if whole and (in_order or (counts and not acts)):
@@ -231,16 +232,20 @@ def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading
 
     As a share of a control or a Shields number: a line of it, or of its square, at each value of that column.
     """
-    for x in others.values():
+    for x in (each for each in others.values() if differs_between_groups(column, each)):
         same = x[:, np.newaxis] == np.unique(x)
         free = column.size - 2 * same.shape[1]
-        for y, slope in ((result, 1.0), (result**2, 2.0 * result)) if free >= LEAST_FREE else ():
+        for y, slope in (
+            ((result, 1.0), (result**2, 2.0 * result)) if free >= LEAST_FREE <= x.size - free else ()
+        ):
             basis = np.hstack([same, same * y[:, np.newaxis]])
             coefficients = np.linalg.lstsq(basis, column)[0]
             steep = slope * (same @ coefficients[same.shape[1] :])
             digits = common_last_digit_size(column), common_last_digit_size(result)
             rounding = (digits[0] ** 2 + np.mean(steep**2) * digits[1] ** 2) / 12.0
-            if chdtrc(free, np.sum((column - basis @ coefficients) ** 2) / max(rounding, 1e-300)) > CHANCE:
+            left = float(np.sum((column - basis @ coefficients) ** 2))
+            varies = np.sum((column - same @ (column @ same / same.sum(axis=0))) ** 2) * (1.0 - SHARED) > left
+            if varies and chdtrc(free, left / max(rounding, 1e-300)) > CHANCE:
                 return True
     return False
 
