@@ -14,9 +14,8 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import accumulate, zip_longest
-from math import inf, isclose, isnan
+from math import inf, isclose, isnan, nan
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -60,7 +59,6 @@ MARKED = re.compile(
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
-EQUAL = partial(isclose, rel_tol=0.01)
 DITTO = re.compile(
     r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
     re.IGNORECASE,
@@ -447,12 +445,15 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, among rows that are
     numbered, or by a word that names nothing else; `slope` may be a site.
     """
-    odd = word_among_numbers(cells, row)
+    odd = word_among_numbers(cells, row, conditions)
     label = odd or next(filter(None, row), "")
-    words, filled = re.findall(r"[^\W\d_]+2?", label.casefold()), [sum(map(bool, r)) for _, r in cells.lines]
+    words = {*re.findall(r"[^\W\d_]+2?", label.casefold())}
+    filled = [sum(map(bool, r)) for _, r in cells.lines]
     fewer = sum(map(bool, row)) < sorted(filled)[len(filled) // 2]
     clear = max(map(len, words), default=0) > 2 and meaning_of(label)[0] != "condition"
-    if words and (fewer or clear or odd) and {*words} <= {*known_words()["rows"]["statistic"]}:
+    numbered = re.search(r"[^\W\d_]\d", label.casefold().replace("r2", ""))  # `DS1`
+    is_statistic = words and words <= {*known_words()["rows"]["statistic"]} and not numbered
+    if is_statistic and (fewer or clear or odd):
         return label
     at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
@@ -461,24 +462,44 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     return label if is_mean else cell if is_sum else ""
 
 
-def word_among_numbers(cells: Cells, row: Sequence[str]) -> str:
-    """Cell of a row that is a word where most rows have a number, as `SD` among running numbers."""
-    for place, cell in enumerate(row):
-        column = [each[place] for _, each in cells.lines]
-        if cell and not is_quantity(cell) and 3 * sum(map(is_quantity, filter(None, column))) > len(column):
+def word_among_numbers(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
+    """Cell of a row that is a word where most rows have a number, as `SD` among running numbers.
+
+    Of a row without conditions of its own: blank ones, or those of the row above.
+    """
+    lines = [each for _, each in cells.lines]
+    above = lines[max(lines.index(tuple(row)) - 1, 0)]
+    for place, cell in enumerate(row if all(row[k] in ("", above[k]) for k in conditions) else ()):
+        column = [each[place] for each in lines]
+        is_word = cell and not is_quantity(cell) and not has_digit(cell)
+        if is_word and 3 * sum(map(is_quantity, filter(None, column))) > len(column):
             return cell
     return ""
 
 
 def is_mean_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> bool:
-    """Whether a row has, in all conditions, the mean of some rows above that are not called so."""
-    lines, comma = [each for _, each in cells.lines], cells.decimal_comma
+    """Whether a row has, in all conditions and in a result, the mean of some rows above not called so."""
+    lines = [each for _, each in cells.lines]
     above = [each for each in lines[: lines.index(tuple(row))] if not is_called_summary(each)]
-    with suppress(CellFault):
-        *table, mean = [[read_cell(each[k], comma).value for k in conditions] for each in (*above, row)]
-        means = (map(fmean, zip(*table[-k:], strict=True)) for k in range(2, len(table) + 1))
-        return any(all(map(EQUAL, each, mean)) for each in means if conditions)
+    *table, last = [[number_or_nan(cell, cells.decimal_comma) for cell in each] for each in (*above, row)]
+    for k in range(2, len(table) + 1):
+        columns = list(zip(*table[-k:], strict=True))
+        alike = {c for c, x in enumerate(last) if isclose(fmean(columns[c]), x, rel_tol=0.01)}
+        if (
+            conditions
+            and alike >= {*conditions}
+            and any(len({*columns[c]}) > 1 for c in alike - {*conditions})
+        ):
+            return True
     return False
+
+
+def number_or_nan(cell: str, comma: bool) -> float:
+    """Number of a cell; NaN where it holds none."""
+    try:
+        return read_cell(cell, comma).value
+    except CellFault:
+        return nan
 
 
 def is_called_summary(row: Sequence[str]) -> bool:

@@ -473,7 +473,7 @@ def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
     text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}T0 mean,0,30.2,0.5,8\n"
     assert "row 6, 'T0 mean': the row sums up others" in refused(tmp_path, text)
     for word in ("Mean", "A avg.", "MW", "Ø"):
-        of_all = text.replace("T0 mean,0,", f"{word},1.5,")
+        of_all = text.replace("T0 mean,0,30.2", f"{word},1.5,31.5")
         assert f"row 6, '{word}': the row sums up others" in refused(tmp_path, of_all)
     shuffled = text.replace("T3,3", "T3,0.5")
     for means in (text, shuffled):
