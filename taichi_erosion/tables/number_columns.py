@@ -235,17 +235,17 @@ def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading
     for x in (each for each in others.values() if differs_between_groups(column, each)):
         same = x[:, np.newaxis] == np.unique(x)
         free = column.size - 2 * same.shape[1]
-        for y, slope in (
-            ((result, 1.0), (result**2, 2.0 * result)) if free >= LEAST_FREE <= x.size - free else ()
-        ):
+        if min(free, 2 * same.shape[1]) < LEAST_FREE:
+            continue
+        for y, slope in ((result, 1.0), (result**2, 2.0 * result)):
             basis = np.hstack([same, same * y[:, np.newaxis]])
             coefficients = np.linalg.lstsq(basis, column)[0]
             steep = slope * (same @ coefficients[same.shape[1] :])
             digits = common_last_digit_size(column), common_last_digit_size(result)
             rounding = (digits[0] ** 2 + np.mean(steep**2) * digits[1] ** 2) / 12.0
             left = float(np.sum((column - basis @ coefficients) ** 2))
-            varies = np.sum((column - same @ (column @ same / same.sum(axis=0))) ** 2) * (1.0 - SHARED) > left
-            if varies and chdtrc(free, left / max(rounding, 1e-300)) > CHANCE:
+            whole = float(np.sum((column - same @ (column @ same / same.sum(axis=0))) ** 2))
+            if left < (1.0 - SHARED) * whole and chdtrc(free, left / max(rounding, 1e-300)) > CHANCE:
                 return True
     return False
 

@@ -470,9 +470,9 @@ def word_among_numbers(cells: Cells, row: Sequence[str], conditions: Sequence[in
     lines = [each for _, each in cells.lines]
     above = lines[max(lines.index(tuple(row)) - 1, 0)]
     for place, cell in enumerate(row if all(row[k] in ("", above[k]) for k in conditions) else ()):
-        column = [each[place] for each in lines]
-        is_word = cell and not is_quantity(cell) and not has_digit(cell)
-        if is_word and 3 * sum(map(is_quantity, filter(None, column))) > len(column):
+        if not cell or is_quantity(cell) or has_digit(cell):
+            continue
+        if 3 * sum(is_quantity(each[place]) for each in lines if each[place]) > len(lines):
             return cell
     return ""
 
@@ -485,11 +485,8 @@ def is_mean_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> 
     for k in range(2, len(table) + 1):
         columns = list(zip(*table[-k:], strict=True))
         alike = {c for c, x in enumerate(last) if isclose(fmean(columns[c]), x, rel_tol=0.01)}
-        if (
-            conditions
-            and alike >= {*conditions}
-            and any(len({*columns[c]}) > 1 for c in alike - {*conditions})
-        ):
+        results = [c for c in alike - {*conditions} if len({*columns[c]}) > 1]
+        if conditions and results and alike >= {*conditions}:
             return True
     return False
 

@@ -81,11 +81,11 @@ STRESS = "of a threshold shear stress give u*t = (stress / density of air)^1/2 [
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 OF_A_BLOCK = 0.05  # ratio of two columns, as a logarithm, that days or places may make
 CHANCE_OF_REPEATS = 1e-3  # p of columns that differ, below which they are no repeats
+ROW_OF_VALUE = "write one row for every measured value, with a column for"
 UNLIKE_REPEATS = (
-    "they differ more than repeats: write one row for every measured value, with a column for what "
+    f"they differ more than repeats: {ROW_OF_VALUE} what differs ('block' where each is a day or a place)"
 )
-UNLIKE_REPEATS += "differs ('block' where each is a day or a place)"
-CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
+CROSS_TABLE = f"of a cross table {ROW_OF_VALUE} each condition"
 
 
 def understand_columns(
