@@ -112,6 +112,14 @@ def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False
     return CellNumber(decimal_value(match["number"], comma), reach, sd, unit_in(unit) or unit)
 
 
+def number_or_nan(cell: str, comma: bool) -> float:
+    """Number of a cell; NaN where it holds none."""
+    try:
+        return read_cell(cell, comma).value
+    except CellFault:
+        return nan
+
+
 def middle_of_interval(between: re.Match[str], comma: bool) -> CellNumber:
     """Middle and half width of an interval; of a class of sizes, `0.43-0.25 mm`, the coarse end may lead."""
     low, high = (decimal_value(between[end], comma) for end in ("low", "high"))

@@ -7,7 +7,7 @@ compared without accents and capitals.
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher, get_close_matches
 from functools import cache
@@ -396,3 +396,13 @@ def heading_holds_value(heading: Heading) -> bool:
 def is_summary_word(cell: str) -> bool:
     """Whether a cell heads a row in which a spreadsheet sums up the others."""
     return plain_words(cell) in known_words()["rows"]["summary"]
+
+
+def is_called_summary(row: Sequence[str]) -> bool:
+    """Whether a word of a row means that it sums up others."""
+    return any(map(is_summary_word, plain_words(" ".join(row)).split()))
+
+
+def last_word(cell: str) -> str:
+    """Last word of a cell: `mean` of `Control mean`."""
+    return plain_words(cell).rpartition(" ")[2]

@@ -153,6 +153,12 @@ def acts_here_or_alone(values: Floats, result: Floats, others: NumbersByHeading,
     return first and not any(more)
 
 
+def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
+    """Whether words name kinds: each has two rows on average, or one of rows that are otherwise `alike`."""
+    kinds, bare = len({*words}), len({re.sub(r"\d", "", each) for each in words})
+    return "" not in words and kinds > 1 and (2 * kinds <= len(words) or (alike and bare == len(words)))
+
+
 def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -> str:
     """A condition of which each word has a range of its own, as `dry` and `wet` of a moisture; else empty."""
     for name, numbers in conditions.items():

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate, zip_longest
-from math import inf, isclose, isnan, nan
+from math import inf, isclose, isnan
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -25,11 +25,11 @@ from taichi_erosion.core.files import content_digest, require_regular_file
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.tables.cell_numbers import (
     NUMBER,
-    CellFault,
     cell_word,
     has_decimal_comma,
     is_missing,
     is_quantity,
+    number_or_nan,
     plain_cell,
     read_cell,
 )
@@ -37,8 +37,10 @@ from taichi_erosion.tables.headings import (
     Heading,
     apply_law,
     has_word,
+    is_called_summary,
     is_summary_word,
     known_words,
+    last_word,
     meaning_of,
     meaning_of_symbol,
     plain_words,
@@ -433,12 +435,6 @@ def find_column_and_siblings(cells: Cells, text: str) -> tuple[list[int], list[i
     return itself, numbered if not itself or itself[0] in numbered else []
 
 
-def do_words_name_kinds(words: Sequence[str], alike: bool) -> bool:
-    """Whether words name kinds: each has two rows on average, or one of rows that are otherwise `alike`."""
-    kinds, bare = len({*words}), len({re.sub(r"\d", "", each) for each in words})
-    return "" not in words and kinds > 1 and (2 * kinds <= len(words) or (alike and bare == len(words)))
-
-
 def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row.
 
@@ -489,24 +485,6 @@ def is_mean_row(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> 
         if conditions and results and alike >= {*conditions}:
             return True
     return False
-
-
-def number_or_nan(cell: str, comma: bool) -> float:
-    """Number of a cell; NaN where it holds none."""
-    try:
-        return read_cell(cell, comma).value
-    except CellFault:
-        return nan
-
-
-def is_called_summary(row: Sequence[str]) -> bool:
-    """Whether a word of a row means that it sums up others."""
-    return any(map(is_summary_word, plain_words(" ".join(row)).split()))
-
-
-def last_word(cell: str) -> str:
-    """Last word of a cell: `mean` of `Control mean`."""
-    return plain_words(cell).rpartition(" ")[2]
 
 
 def laboratory_table_digest(table: Path) -> str:

@@ -54,6 +54,7 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.number_columns import (
     AGAIN,
     column_affects_result,
+    do_words_name_kinds,
     follows,
     is_height,
     mean_of_repeats,
@@ -62,7 +63,7 @@ from taichi_erosion.tables.number_columns import (
     ranges_of,
     stem,
 )
-from taichi_erosion.tables.spreadsheet import Cells, do_words_name_kinds
+from taichi_erosion.tables.spreadsheet import Cells
 
 STANDARD_ERROR = re.compile(
     r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
