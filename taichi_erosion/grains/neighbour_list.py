@@ -28,8 +28,8 @@ ENGAGED = 1  # bit of a label: the contact acts
 MET = 2  # bit of a label: the two have touched, and an effect has attracted them since
 HISTORY = ENGAGED | MET
 ROW_SHIFT = 2  # of a label: above these bits stands the row of Materials
-WIDE_MOST = 150  # wide grains, beyond which they are a crowd where they are also more than one in so many:
-CROWD = 40  # the search for all others then takes as long again
+WIDE_MOST = 150  # wide grains, beyond which they are a crowd, in a replica of few
+CROWD = 40  # likewise one in so many, in a replica of many: the search takes twice as long with these
 
 
 @device_record

@@ -236,7 +236,7 @@ def is_computed_from_result(column: Floats, result: Floats) -> bool:
 def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading) -> bool:
     """Whether a column is computed from a measured quantity and another column, within their last digits.
 
-    As a share of a control or a Shields number: a line of it, or of its square, at each value of that column.
+    At each value of the other it is linear in the quantity (share of a control) or its square (Shields).
     """
     for x in (each for each in others.values() if differs_between_groups(column, each)):
         same = x[:, np.newaxis] == np.unique(x)

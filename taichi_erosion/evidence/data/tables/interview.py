@@ -80,7 +80,7 @@ BY_SET_UP = "; it changes with the set-up alone: what it does may count as level
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 STRESS = "of a threshold shear stress give u*t = (stress / density of air)^1/2 [m/s] and its sd; "
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
-OF_A_BLOCK = 0.05  # ratio of two columns, as a logarithm, that days or places may make
+BLOCK_DIFFERENCE = 0.05  # of the logarithms of two columns, that days or places may make
 CHANCE_OF_REPEATS = 1e-3  # p of columns that differ, below which they are no repeats
 ROW_OF_VALUE = "write one row for every measured value, with a column for"
 UNLIKE_REPEATS = (
@@ -436,7 +436,7 @@ def fault_of_repeats(family: Sequence[Column], reading: Reading) -> str:
     logarithm = np.log(np.where(np.array(cells) > 0.0, cells, nan))
     differ = column_affects_result(column.ravel(), logarithm.ravel(), row.ravel(), CHANCE_OF_REPEATS)
     whole = logarithm[np.isfinite(logarithm).all(axis=1)]
-    return UNLIKE_REPEATS if differ and np.ptp(whole.mean(axis=0)) > OF_A_BLOCK else ""
+    return UNLIKE_REPEATS if differ and np.ptp(whole.mean(axis=0)) > BLOCK_DIFFERENCE else ""
 
 
 def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
