@@ -167,8 +167,8 @@ def is_at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float,
     """Criterion of rest: no grain waits, most are in contact, `energy` (as in `is_stage_over`) is small."""
     kinetic, lifting = energy
     return (
-        simulation.count_waiting_spheres(sim, replica) == 0
-        and kinetic <= stage.rest_energy * lifting
+        kinetic <= stage.rest_energy * lifting  # the others ask the device
+        and simulation.count_waiting_spheres(sim, replica) == 0
         and simulation.share_of_grains_in_contact(sim, replica) >= stage.rest_contact_share
     )
 

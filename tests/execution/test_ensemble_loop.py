@@ -14,8 +14,15 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import ensemble_loop
-from taichi_erosion.execution.ensemble_loop import failure_message, failure_of_lost_grains
-from taichi_erosion.simulation import assemble
+from taichi_erosion.execution.ensemble_loop import (
+    EnsembleRun,
+    advance_to_next_check,
+    failure_message,
+    failure_of_lost_grains,
+)
+from taichi_erosion.execution.stages import ReplicaState
+from taichi_erosion.scene import laws, load_scene
+from taichi_erosion.simulation import assemble, prepare, readback
 
 ROOT = Path(__file__).parents[2]
 DEAR = ["scipy." + name for name in ("special", "ndimage", "spatial", "optimize", "stats")]
@@ -79,6 +86,22 @@ def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
     said = failure_message(end, 11)
     assert all(word in said for word in ("seed 11", "likely cause", *words))
     assert "\n" not in said
+
+
+def test_a_check_of_falling_grains_asks_the_device_as_often_for_many_replicas_as_for_one(scene, monkeypatch):
+    """A question takes a graphics processor as long as several steps."""
+    scene, questions, counts = load_scene(scene), [], []
+    first, *later = scene.stages
+    scene = scene.model_copy(update={"stages": [first.model_copy(update={"until": "rest"}), *later]})
+    ask = readback.download
+    monkeypatch.setattr(readback, "download", lambda *rows: (questions.append(rows), ask(*rows))[1])
+    for replicas in (1, 3):
+        sim = assemble([prepare(scene, seed, {}) for seed in range(replicas)], laws(scene), Numerics("cpu", 1))
+        ensemble = EnsembleRun([scene] * replicas, sim, [ReplicaState(seed, 0) for seed in range(replicas)])
+        advance_to_next_check(ensemble)
+        counts.append(len(questions))
+        stop_device()
+    assert counts[1] == 2 * counts[0]
 
 
 def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
