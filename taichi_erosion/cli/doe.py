@@ -5,7 +5,6 @@ Each step first completes the steps before it. Runs in the study's ledger are no
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -19,7 +18,7 @@ from taichi_erosion.evidence.words import shell_command
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step
 
-Show = Callable[["Calibration", ModuleType], None]  # prints a step; the page has the tables
+Show = Callable[["Calibration"], None]  # prints a step
 
 doe = typer.Typer(help="Calibrate a scene by designed experiments.", no_args_is_help=True)
 
@@ -67,10 +66,7 @@ def print_audit(document: output.Record) -> None:
 def run_and_print_steps(
     until: "Step", study: Path, entries: Mapping[str, Any], as_json: bool, force: bool, show: Show
 ) -> "Calibration":
-    """Run a calibration up to a step and print the result of that step.
-
-    `where` are entries of [campaign] in place of those of the file. `force` replaces files of others.
-    """
+    """Run a calibration up to a step and print its result; `entries` replace those of [campaign]."""
     from taichi_erosion.campaign.calibration import calibrate
 
     with progress_report("calibrating", KEPT) as progress:
@@ -78,9 +74,7 @@ def run_and_print_steps(
     if as_json:
         output.print_json(calibration.document)
     else:
-        from taichi_erosion.report import calibration_page
-
-        show(calibration, calibration_page)
+        show(calibration)
         typer.echo(f"tables: {calibration.file.folder}")
     return calibration
 
@@ -93,44 +87,58 @@ def print_design(calibration: "Calibration", section: str) -> None:
     output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 
-def print_analysis(calibration: "Calibration", page: ModuleType) -> None:
+def print_analysis(calibration: "Calibration") -> None:
     """Print the effects on every response, largest first."""
+    from taichi_erosion.report.calibration_page import effect_table
+
     for name in calibration.file.study.targets:
-        output.print_table(f"effects on {name}", *page.effect_table(calibration, name))
+        output.print_table(f"effects on {name}", *effect_table(calibration, name))
     typer.echo(f"factors of the next steps: {', '.join(calibration.document['analyse']['kept'])}")
 
 
-def print_surface(calibration: "Calibration", page: ModuleType) -> None:
+def print_path(calibration: "Calibration") -> None:
+    """Print the points on the path of steepest ascent."""
+    from taichi_erosion.report.calibration_page import climb_table
+
+    output.print_table("climb", *climb_table(calibration))
+
+
+def print_surface(calibration: "Calibration") -> None:
     """Print the analysis of variance and the equation of every response."""
+    from taichi_erosion.report.calibration_page import variance_table
+
     for name, response in calibration.document["surface"]["responses"].items():
-        output.print_table(f"response surface of {name}", *page.variance_table(calibration, name))
+        output.print_table(f"response surface of {name}", *variance_table(calibration, name))
         typer.echo(response["natural_reduced"])
         fit = response["quality_reduced"]
         adjusted = f"adjusted {fit['r2_adjusted']:.3f}, predicted {fit['r2_predicted']:.3f}"
         output.print_lines(filter(None, (f"R2 {fit['r2']:.3f}, {adjusted}", response["warning"])))
 
 
-def print_optimum(calibration: "Calibration", page: ModuleType) -> None:
+def print_optimum(calibration: "Calibration") -> None:
     """Print the settings that reach the target, or the nearest ones."""
-    output.print_table("optimum", *page.optimum_table(calibration))
+    from taichi_erosion.report.calibration_page import optimum_table
+
+    output.print_table("optimum", *optimum_table(calibration))
     output.print_lines(calibration.document["optimise"]["sentences"])
 
 
-def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
+def print_confirmation(calibration: "Calibration") -> None:
     """Print the optimum, and the confirmation runs with the measurement and the verdict."""
-    print_optimum(calibration, page)
+    from taichi_erosion.report.calibration_page import agreement_text, confirmation_mean_sd_texts
+
+    print_optimum(calibration)
     for name, test in calibration.document["confirm"]["tests"].items():
-        runs, repeats = page.confirmation_mean_sd_texts(test).values()
+        runs, repeats = confirmation_mean_sd_texts(test).values()
         typer.echo(f"{name}: {runs} simulated, {repeats} measured")
-        typer.echo(
-            page.agreement_text(test, name, calibration.file.study.targets[name].unit).replace("**", "")
-        )
+        unit = calibration.file.study.targets[name].unit
+        typer.echo(agreement_text(test, name, unit).replace("**", ""))
 
 
 @doe.command(**command_help("doe design"))
 def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_and_print_steps("design", study, {}, as_json, force, lambda file, page: print_design(file, "design"))
+    run_and_print_steps("design", study, {}, as_json, force, lambda file: print_design(file, "design"))
 
 
 def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> None:
@@ -164,13 +172,9 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
     doe.command(step, help=summary, **command_help(f"doe {step}"))(command)
 
 
-add_step("run", "Make the runs of the screening design.", lambda file, page: print_design(file, "screen"))
+add_step("run", "Make the runs of the screening design.", lambda file: print_design(file, "screen"))
 add_step("analyse", "Show which parameters matter in the screening.", print_analysis)
-add_step(
-    "climb",
-    "Follow the path of steepest ascent towards the target.",
-    lambda file, page: output.print_table("climb", *page.climb_table(file)),
-)
+add_step("climb", "Follow the path of steepest ascent towards the target.", print_path)
 add_step("surface", "Fit a response surface around the best point of the path.", print_surface)
 add_step("optimise", "Find the settings that reach the target, or report that none does.", print_optimum)
 add_step("confirm", "Test the optimum with new seeds against the measurement.", print_confirmation)

@@ -101,17 +101,18 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     """Advance all active replicas to the next check, and check them."""
     sim, interval, started = ensemble.sim, ensemble.check_interval, time.perf_counter()
     target = (ensemble.checks + 1) * interval
-    simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
+    statuses = simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
     ensemble.checks += 1
     ensemble.sums = simulation.energy_sums(sim)
     running = np.array([state.active for state in ensemble.states])
-    stopped, removed = simulation.replica_statuses(sim) != Status.RUNNING, simulation.removed_spheres(sim)
+    removed = simulation.removed_spheres(sim)
     steps = interval / np.array([setup.time_step for setup in sim.setups])
     ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
     ensemble.wall_s += time.perf_counter() - started
     for replica, state in enumerate(ensemble.states):
         if state.active:
-            state.failure = simulation.failure_of(sim, replica) if stopped[replica] else None
+            if statuses[replica] != Status.RUNNING:
+                state.failure = simulation.failure_of(sim, replica)
             stages.count_removed(sim, replica, state, ensemble.time, removed[replica])
             check_replica(ensemble, replica, state)
 

@@ -1,6 +1,6 @@
 """The coupled step and how it is assembled."""
 
-from taichi_erosion.simulation.advance import advance, failure_of, replica_statuses
+from taichi_erosion.simulation.advance import advance, failure_of
 from taichi_erosion.simulation.assemble import Simulation, assemble, reuse_or_assemble
 from taichi_erosion.simulation.contact_network import contact_network
 from taichi_erosion.simulation.control import (

@@ -31,8 +31,8 @@ def steps_and_status_of_replicas(sim: Simulation) -> tuple[Integers, Integers, I
     return step, status, remaining
 
 
-def advance(sim: Simulation, until: Sequence[float]) -> None:
-    """Run every replica that has not failed to its own time [s].
+def advance(sim: Simulation, until: Sequence[float]) -> Integers:
+    """Run every replica that has not failed to its own time [s]; returns the status of each.
 
     A list that is too short is grown and the step repeated. Launches are short, so that signals reach the
     host; their length changes no result.
@@ -44,7 +44,7 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
     while True:
         remaining = np.where(status == Status.RUNNING, remaining, 0)
         if not remaining.any():
-            return
+            return status
         portion = np.minimum(remaining, steps_of_one_launch(sim))
         if sim.coupling.host_driven:
             portion = np.minimum(portion, exchange_air_if_due(sim, remaining > 0))
@@ -55,7 +55,7 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
             state["status"] = np.where(state["status"] == Status.OVERFLOW, Status.RUNNING, state["status"])
             reallocate_fields(sim, double_list_capacities(sim.capacities))
             import_state(sim, state)
-            status = replica_statuses(sim)
+            _, status, _ = steps_and_status_of_replicas(sim)
 
 
 def steps_of_one_launch(sim: Simulation) -> int:
@@ -107,15 +107,10 @@ def largest_team(sim: Simulation) -> int:
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
 
 
-def replica_statuses(sim: Simulation) -> Integers:
-    """Status of every replica."""
-    return download([sim.world.replicas.status], 0, len(sim.setups))[0].astype(np.int32)
-
-
 def failure_of(sim: Simulation, replica: int) -> Failure | None:
     """Why a replica stopped; None while it runs."""
-    status = Status(int(replica_statuses(sim)[replica]))
-    if status == Status.RUNNING:
+    steps, statuses, _ = steps_and_status_of_replicas(sim)
+    if (status := Status(int(statuses[replica]))) == Status.RUNNING:
         return None
     replicas = sim.world.replicas
     value = download_field(replicas.fault_value)[replica]
@@ -127,6 +122,5 @@ def failure_of(sim: Simulation, replica: int) -> Failure | None:
     ident = download([sim.world.grains.ident], first, rows)[0]  # by rank
     partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.capacities.primitives, 1)
     lone = status != Status.OVERLAP
-    step = int(download([replicas.step], replica, 1)[0][0])
-    time_step = sim.setups[replica].time_step
-    return Failure(status, step * time_step, int(ident[grain]), -1 if lone else partner, float(value[p]))
+    seconds = int(steps[replica]) * sim.setups[replica].time_step
+    return Failure(status, seconds, int(ident[grain]), -1 if lone else partner, float(value[p]))

@@ -14,12 +14,12 @@ from taichi_erosion.campaign import calibration_steps, execute
 from taichi_erosion.campaign.calibration import calibrate
 from taichi_erosion.campaign.calibration_steps import STAGES, refuse_axial_points_outside, surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
-from taichi_erosion.cli.doe import print_analysis, print_confirmation, print_surface
+from taichi_erosion.cli.doe import print_analysis, print_confirmation, print_path, print_surface
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.experiments.design import Factor
-from taichi_erosion.report import calibration_page, write_report
+from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import write_page_and_pictures, write_recording
 from tests.report.browser import assert_readable
 
@@ -69,8 +69,8 @@ def found(tmp_path_factory):
 
 
 def test_every_step_is_printed_with_the_tables_of_the_page(found, capsys):
-    for show in (print_analysis, print_surface, print_confirmation):
-        show(found, calibration_page)
+    for show in (print_analysis, print_path, print_surface, print_confirmation):
+        show(found)
     assert re.search(r"repose_angle: .* simulated, .* measured\n(Yes|No|Not)", capsys.readouterr().out)
 
 

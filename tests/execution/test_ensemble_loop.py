@@ -95,9 +95,9 @@ def test_a_check_of_falling_grains_asks_the_device_as_often_for_many_replicas_as
     scene = scene.model_copy(update={"stages": [first.model_copy(update={"until": "rest"}), *later]})
     ask = readback.download
     monkeypatch.setattr(readback, "download", lambda *rows: (questions.append(rows), ask(*rows))[1])
-    for replicas in (1, 3):
-        sim = assemble([prepare(scene, seed, {}) for seed in range(replicas)], laws(scene), Numerics("cpu", 1))
-        ensemble = EnsembleRun([scene] * replicas, sim, [ReplicaState(seed, 0) for seed in range(replicas)])
+    for count in (1, 3):
+        sim = assemble([prepare(scene, k, {}) for k in range(count)], laws(scene), Numerics("cpu", 1))
+        ensemble = EnsembleRun([scene] * count, sim, [ReplicaState(k, 0) for k in range(count)])
         advance_to_next_check(ensemble)
         counts.append(len(questions))
         stop_device()
