@@ -221,6 +221,7 @@ class CurvePart:
     shape: Shape
     turn: Number  # condition at the peak or trough; NaN elsewhere
     points: tuple[PointPart, ...]
+    unread: bool = False  # neither the model nor an effect reads the condition
 
 
 @dataclass(frozen=True)

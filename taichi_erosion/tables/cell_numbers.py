@@ -37,6 +37,7 @@ DATE = re.compile(
     rf"\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
 )
 DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%Y年%m月%d日")
+THOUSANDS = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
 
@@ -82,6 +83,21 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
     numbers = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
     commas, points = (sum(number.count(mark) == 1 for number in numbers) for mark in ",.")
     return commas > points and (separator != "," or any(re.search(r",(?!\d{3}\b)", n) for n in numbers))
+
+
+def number_with_two_readings(cells: Iterable[str]) -> str:
+    """A number such as `1.500` among `250` and `500`, which seems to have a mark between thousands; or empty.
+
+    Where all marks of a column can be such, and the numbers lie nearer to each other with them.
+    """
+    texts = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
+    marked = [text for text in texts if not text.isdigit()]
+    whole = [float(text) for text in texts if text.isdigit() and len(text) > 2]
+    if not (whole and marked and all(map(THOUSANDS.fullmatch, marked))):
+        return ""
+    readings = [[*whole, *(float(re.sub("[.,]", mark, text)) for text in marked)] for mark in (".", "")]
+    spread, other = (max(numbers) / min(numbers) for numbers in readings)
+    return marked[0] if other < spread else ""
 
 
 def is_quantity(cell: str) -> bool:

@@ -66,6 +66,7 @@ DITTO = re.compile(
     re.IGNORECASE,
 )
 ONE_ROW = "write one row per sample, with a column for each quantity, its unit in the heading"
+NARROW = {sign: sign - 0xFEE0 for sign in range(0xFF01, 0xFF5F)}  # of full-width signs, `（ｍｍ）`
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
@@ -108,6 +109,7 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
         comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
+    rows = [(line, [cell.translate(NARROW) for cell in cells]) for line, cells in rows]
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     titles = [" ".join(cells) for _, cells in rows[:start]]
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
@@ -451,7 +453,8 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     is_statistic = words and words <= {*known_words()["rows"]["statistic"]} and not numbered
     if is_statistic and (fewer or clear or odd):
         return label
-    at, cell = [row[k] for k in conditions], next((c for c in row if is_summary_word(last_word(c))), "")
+    texts = [each for each in row if not is_quantity(each)]  # not `30 min`
+    at, cell = [row[k] for k in conditions], next((c for c in texts if is_summary_word(last_word(c))), "")
     rest = (each for _, each in cells.lines if last_word(cell) not in map(last_word, each))
     is_sum = cell in at or not all(at) or (cell and any([each[k] for k in conditions] == at for each in rest))
     is_mean = is_called_summary([label]) and (odd or is_mean_row(cells, row, conditions))

@@ -214,7 +214,7 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
             some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
             curve = curve_part(name, fit, points[some], index, rows)
             if curve.shape != "varies":
-                yield curve
+                yield replace(curve, unread=name in race.prepared.problem.unread)
 
 
 def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:

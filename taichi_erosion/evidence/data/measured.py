@@ -40,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import days_since_first
-from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
+from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
@@ -112,6 +112,11 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
     columns = list(map(list, zip(*(row for _, row in cells.rows), strict=True)))
     roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
     for column in columns if roles & {*SCATTER} else ():
+        heading = read_heading(column[0])
+        if (
+            heading.unit or meaning_of(heading.name)[0] in KINDS.values()
+        ):  # numbers that a spreadsheet changed
+            continue
         if max(days := days_since_first(column[1:]), default=0):
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)

@@ -152,6 +152,7 @@ def trap_efficiency(psi: float, at: Conditions) -> Shift:
 LAWS = (dry_cohesion, liquid_bridge, saffman_lift, gusts, rolling_resistance)
 LAWS += (sheltering, bed_slope, drag_partition, electrostatics, air_density)
 LAWS += (mid_air_collisions, short_fetch, side_walls, trap_efficiency)
+LARGEST = {"air_density": 1.5, "bed_slope": 1.5}  # strengths that are physical, of laws without a free size
 EFFECTS: dict[str, Law] = {law.__name__: law for law in LAWS}
 OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
 PARAMETERS = {"threshold_coefficient": 0.1, "flux_coefficient": 1.5}

@@ -274,7 +274,8 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
         words = f"{turns.get(curve.shape, f'{curve.shape} with it')} relative to the model"
-        yield f"It acts with {say.in_words(curve.condition)}: the {say.in_words(curve.observable)} {words}."
+        name = f"{say.in_words(curve.condition)}{', which no effect reads under this name' * curve.unread}"
+        yield f"It acts with {name}: the {say.in_words(curve.observable)} {words}."
 
 
 def cause_text(name: str, record: Record, voc: say.Vocabulary) -> str:

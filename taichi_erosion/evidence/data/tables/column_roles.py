@@ -22,6 +22,7 @@ from taichi_erosion.tables.cell_numbers import (
     CellNumber,
     is_missing,
     is_quantity,
+    number_with_two_readings,
     plain_cell,
     read_cell,
     reason,
@@ -255,6 +256,10 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     first = next((row[column.place] for _, row in cells.lines if row[column.place]), "")
     unknown = bool(column.heading.unit) and meaning_of(column.heading.name)[0] == "unknown"
     fractions = column.role == "remark" and unknown and has_digit([first])  # `1/16` below `size of shot (in)`
+    number = number_with_two_readings(row[column.place] for _, row in cells.lines)
+    if number and (used or unknown):
+        plain = re.sub("[.,]", "", number)
+        yield f"{where}: '{number}' may be {plain}: write that, or {number}0; no sign between thousands"
     noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
     if (used or fractions) and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
@@ -380,7 +385,9 @@ def find_or_ask_unit(column: Column, reading: Reading) -> Column:
         return column
     numbers, text = reading.numbers(column), column.heading.text
     if column.role == "condition" and any(0.0 < number.reach < inf for number in numbers):
-        reading.interview.assume(f"ranges in column '{text}' count as their middle")
+        reading.interview.assume(
+            f"ranges in column '{text}' count as their middle, with the sd width / 12^1/2"
+        )
     if column.heading.unit:
         return column
     behind = next((number.unit for number in numbers if number.unit), "")

@@ -27,6 +27,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Reading,
     TableOptions,
     check_column_unit,
+    column_in_unit,
     columns_with_roles,
     condition_name_of_path,
     find_or_ask_unit,
@@ -453,6 +454,8 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             before = [column] if column.role == "remark" and column.numeric and column.heading.unit else []
             yield column
             continue
+        if column.role == "sd" and {each.unit for each in reading.numbers(column)} == {"%"}:
+            column = column_in_unit(column, "%")
         words = plain_words(column.heading.name)
         owners = [c for c in quantities if word_length(plain_words(c.heading.name), words)]
         owners = sorted(owners, key=lambda each: len(each.heading.name))[-1:] or before

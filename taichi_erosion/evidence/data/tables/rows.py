@@ -38,7 +38,7 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
-from taichi_erosion.tables.headings import Role, meaning_of, read_heading
+from taichi_erosion.tables.headings import Role, meaning_of, plain_words, read_heading
 from taichi_erosion.tables.number_columns import own_name
 from taichi_erosion.tables.spreadsheet import Cells, word_of_summary_row
 
@@ -74,6 +74,9 @@ class Faults(list[str]):
         """Raise BadInput where there is a fault."""
         if self:
             raise BadInput(*dict.fromkeys(self))
+
+
+NONE = ("none", "n a")  # cells of a condition that may mean 0
 
 
 @dataclass(frozen=True)
@@ -174,8 +177,17 @@ def table_from_cells(
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
     conditions = reader.columns_with("condition")
     names, units = tuple(each.title for each in conditions), tuple(c.heading.unit or None for c in conditions)
-    set_names = tuple(each.title for each in reader.columns_with("condition_sd") if each.is_set)
-    return Table(cells.file, names, units, tuple(rows), tuple(notes), set_names, cells.form, tuple(columns))
+    set_names = {each.title for each in reader.columns_with("condition_sd") if each.is_set} | reader.classes
+    return Table(
+        cells.file,
+        names,
+        units,
+        tuple(rows),
+        tuple(notes),
+        tuple(sorted(set_names)),
+        cells.form,
+        tuple(columns),
+    )
 
 
 def drop_rows_lacking_conditions(
@@ -201,6 +213,10 @@ def drop_rows_lacking_conditions(
                 "fill these cells (--fill-down: a blank cell repeats the one above it), write '-' where it "
                 "is not known, and the row is not used, or remove the row"
             )
+        elif doubtful := [line for line, cell in bare.items() if plain_words(cell) in NONE]:
+            remedy = "write 0 where there is none of it, '-' where it is not known"
+            cell = f"{where} is '{bare[doubtful[0]]}' in {row_list_text(doubtful)}"
+            reader.faults.append(f"{reader.cells.file}: {cell}: {remedy}")
         elif bare and column.role == "condition":
             notes.append(f"{where} is not known in {row_list_text([*bare])}: not used")
             lost |= bare.keys()
@@ -221,6 +237,7 @@ class RowReader:
     columns: Sequence[Column]
     faults: list[str]
     wrong: dict[tuple[int, str], list[str]] = field(default_factory=dict)  # cells by column and reason
+    classes: set[str] = field(default_factory=set)  # conditions of which ranges are stated
 
     @property
     def tidy(self) -> bool:
@@ -252,6 +269,9 @@ class RowReader:
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
         errors = {name: number.sd for name, number in numbers}  # behind ±
+        classes = {name: number.reach / sqrt(3.0) for name, number in numbers if 0.0 < number.reach < inf}
+        errors |= classes  # the grains of a class lie anywhere in it
+        self.classes.update(classes)
         errors |= {c.title: self.read_positive(line, row, c) for c in self.columns_with("condition_sd")}
         # a row of a laboratory's table that names no source has its place in the file
         source = self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
