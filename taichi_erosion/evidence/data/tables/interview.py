@@ -114,7 +114,8 @@ def understand_columns(
     for column in (each for each in columns if each.unclear):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
-    columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
+    columns = [set_percent_of_cells(each, reading) for each in recognise_set_up_columns(columns, reading)]
+    columns = list(link_sd_and_n_columns(columns, reading))
     if measured and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables) or "its own"
         stress = any(has_word(each.heading.name, known_words()["computed"]["stress"]) for each in columns)
@@ -440,6 +441,12 @@ def fault_of_repeats(family: Sequence[Column], reading: Reading) -> str:
     return UNLIKE_REPEATS if differ and np.ptp(whole.mean(axis=0)) > BLOCK_DIFFERENCE else ""
 
 
+def set_percent_of_cells(column: Column, reading: Reading) -> Column:
+    """A column; one of scatter with `5 %` in each cell counts in percent."""
+    is_percent = column.role == "sd" and {each.unit for each in reading.numbers(column)} == {"%"}
+    return column_in_unit(column, "%") if is_percent else column
+
+
 def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """Scatter and repeats with their observable: the one named, else the last before them.
 
@@ -454,8 +461,6 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             before = [column] if column.role == "remark" and column.numeric and column.heading.unit else []
             yield column
             continue
-        if column.role == "sd" and {each.unit for each in reading.numbers(column)} == {"%"}:
-            column = column_in_unit(column, "%")
         words = plain_words(column.heading.name)
         owners = [c for c in quantities if word_length(plain_words(c.heading.name), words)]
         owners = sorted(owners, key=lambda each: len(each.heading.name))[-1:] or before
