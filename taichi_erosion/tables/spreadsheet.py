@@ -50,7 +50,7 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.number_columns import stem
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
-SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars"}
 WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜäöüßÀÂÇÈÉÊËÎÏÔÙÛàâçèéêëîïôùûÁÍÑÓÚáíñóúÃÕãõÅÆØåæøÌÒìò¿¡ºª´\u00a0")
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
@@ -185,7 +185,7 @@ def decode_text(content: bytes, name: str) -> tuple[str, str]:
 
 def guess_separator(text: str) -> str:
     """Separator that makes the most rows as wide as the widest of the first ones."""
-    lines = [line for line in text.splitlines()[:200] if line.strip(" ;,\t")]
+    lines = [line for line in text.splitlines()[:200] if line.strip(" ;,\t|")]
     declared = lines[0].strip() if lines else ""
     if declared.lower().startswith("sep=") and declared[4:5] in SEPARATORS:
         return declared[4]
@@ -200,7 +200,7 @@ def guess_separator(text: str) -> str:
                 counts[separator] = widths.count(commonest), commonest
     except csv.Error:
         return ","
-    return max(counts, key=lambda s: (counts[s][0] > 0.5 * len(lines), s != ",", counts[s]), default=",")
+    return max(counts, key=lambda s: (counts[s][0] > 0.5 * len(lines), s not in ",|", counts[s]), default=",")
 
 
 def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
@@ -210,7 +210,7 @@ def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
     try:
         for cells in reader:
             stripped = [" ".join(cell.split()) for cell in cells]
-            if any(stripped) and not stripped[0].lower().startswith("sep="):
+            if any(cell.strip(":-") for cell in stripped) and not stripped[0].lower().startswith("sep="):
                 rows.append((before + 1, stripped))
             before = reader.line_num
     except csv.Error as error:

@@ -135,7 +135,7 @@ def drop_wind_profiles(columns: list[Column], reading: Reading) -> list[Column]:
     over = {c.name for c in columns if c.role in ("observable", "condition")} & {"flux", *WINDS}
     if len({each.height for each in winds}) > 1 or (heights and (winds or over)):
         names = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))
-        reading.faults.append(f"{reading.cells.file}: {names}: {PROFILE}")
+        reading.faults.append(f"{reading.cells.file}: {names}: {PROFILE}; {UNUSED}")
         columns = [replace(each, height=nan, firm=True) if each in winds else each for each in columns]
     return columns
 
