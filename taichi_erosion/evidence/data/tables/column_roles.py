@@ -59,6 +59,7 @@ NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 NOT_USED = "-"  # in place of a name
+NONE = ("none", "n a")  # cells that may mean 0
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
@@ -253,14 +254,16 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
         yield f"{where}: is no sd of single repeats: give that (variance^1/2, IQR / 1.35); {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
-    first = next((row[column.place] for _, row in cells.lines if row[column.place]), "")
-    unknown = bool(column.heading.unit) and meaning_of(column.heading.name)[0] == "unknown"
+    content = [row[column.place] for _, row in cells.lines]
+    first, none = next(filter(None, content), ""), [each for each in content if plain_words(each) in NONE]
+    noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
+    unknown = bool(column.heading.unit) and not noted and meaning_of(column.heading.name)[0] == "unknown"
     fractions = column.role == "remark" and unknown and has_digit([first])  # `1/16` below `size of shot (in)`
-    number = number_with_two_readings(row[column.place] for _, row in cells.lines)
-    if number and (used or unknown):
+    if none and (unknown or column.role == "condition"):
+        yield f"{where}: '{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
+    if (used or unknown) and (number := number_with_two_readings(content)):
         plain = re.sub("[.,]", "", number)
         yield f"{where}: '{number}' may be {plain}: write that, or {number}0; no sign between thousands"
-    noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
     if (used or fractions) and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
 

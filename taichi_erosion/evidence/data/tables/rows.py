@@ -38,7 +38,7 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
-from taichi_erosion.tables.headings import Role, meaning_of, plain_words, read_heading
+from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
 from taichi_erosion.tables.spreadsheet import Cells, word_of_summary_row
 
@@ -74,9 +74,6 @@ class Faults(list[str]):
         """Raise BadInput where there is a fault."""
         if self:
             raise BadInput(*dict.fromkeys(self))
-
-
-NONE = ("none", "n a")  # cells of a condition that may mean 0
 
 
 @dataclass(frozen=True)
@@ -213,10 +210,6 @@ def drop_rows_lacking_conditions(
                 "fill these cells (--fill-down: a blank cell repeats the one above it), write '-' where it "
                 "is not known, and the row is not used, or remove the row"
             )
-        elif doubtful := [line for line, cell in bare.items() if plain_words(cell) in NONE]:
-            remedy = "write 0 where there is none of it, '-' where it is not known"
-            cell = f"{where} is '{bare[doubtful[0]]}' in {row_list_text(doubtful)}"
-            reader.faults.append(f"{reader.cells.file}: {cell}: {remedy}")
         elif bare and column.role == "condition":
             notes.append(f"{where} is not known in {row_list_text([*bare])}: not used")
             lost |= bare.keys()

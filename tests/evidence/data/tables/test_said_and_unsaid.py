@@ -12,10 +12,12 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.evidence.models.prepared_problem import condition_errors
 
 SANDS = [(0.25, 0, 0.233), (0.25, 0.6, 0.299), (0.5, 0, 0.319)]
 SANDS += [(0.5, 0.6, 0.445), (1, 0, 0.472), (1, 0.6, 0.606)]
@@ -602,3 +604,39 @@ def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(
     rows = [f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}" for w, u in enumerate(repeats)]
     text = "\n".join(["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows, ""])
     assert {*measured(tmp_path, text, diameter="0.2 mm")[0].conditions} == {"moisture", "diameter"}
+
+
+TWO_READINGS = [  # a condition, its cells, what is said of it
+    ("d50 (µm)", ("250", "500", "1.000"), "'1.000' may be 1000"),
+    ("d50 (mm)", ("2024-02-01", "2024-04-03", "2024-06-05"), "is a date; if the spreadsheet made it"),
+    ("mulch (g/m2)", ("none", "100", "200"), "'none' may mean 0: write that where it does"),
+    ("density (g/cm3)", ("1.3", "1.5", "1.7"), "did you mean materials.soil.density?"),
+    ("slope (downhill positive) (deg)", ("0", "5", "10"), "'downhill' makes it another quantity"),
+]
+
+
+@pytest.mark.parametrize(("heading", "cells", "words"), TWO_READINGS)
+def test_a_condition_with_two_readings_is_refused(tmp_path, heading, cells, words):
+    rows = "".join(f"{cell};0.{k + 3};0.01;4\n" for k, cell in enumerate(cells))
+    assert words in refused(tmp_path, LONE.format(heading) + rows)
+
+
+def test_other_marks_of_spreadsheets_are_read(tmp_path):
+    rows = "".join(f"|{t} min|{30 + w}|5 %|{w}|\n" for w, t in enumerate((0, 30, 60, 90)))
+    found, _ = measured(tmp_path, f"|rest|安息角（°）|SD|moisture （％）|\n|---|:---|---|---|\n{rows}")
+    assert found.conditions["moisture"] == pytest.approx([0.0, 0.01, 0.02, 0.03])
+    assert found.sd == pytest.approx(0.05 * found.value)
+
+
+def test_grains_lie_anywhere_in_their_class_and_the_same_at_every_moisture(tmp_path):
+    rows = "".join(
+        f"{d};{w};0.{k + 2}{w};0.01;4\n" for k, d in enumerate(("0.1-0.2", "0.25-0.5")) for w in (0, 2)
+    )
+    text = "sieve class (mm);moisture (%);u*t (m/s);SD;n\n" + rows
+    (tmp_path / "t.csv").write_text(text)
+    study = write_new_study(tmp_path / "t.csv", NewStudyOptions(closed_form=True), lambda _, guess: guess)
+    problem = load_study(Path(study["study"])).problem
+    errors = condition_errors(comparison_rows(problem, problem.measurements))
+    assert errors is not None
+    assert errors.sd["diameter"] == pytest.approx(np.array([1e-4, 1e-4, 2.5e-4, 2.5e-4]) / 12**0.5)
+    assert len({*errors.cell["diameter"]}) == 2
