@@ -133,15 +133,15 @@ class Effect:
                 raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
 
 
-def effect_of(module: str, **entries: Any) -> Effect:
-    """Effect of the file of a module: name of the file, its docstring, its `Params`, and entries.
+def effect_of(module: str, title: str, place: Place, act: Callable[..., Any], **entries: Any) -> Effect:
+    """Effect of the file of a module: name of the file, its docstring, its `Params`, and entries of Effect.
 
     What the file defines under the name of an entry (`checks`, `constants`, `reach`, ...) need not be stated.
     """
     file = sys.modules[module]
     members = {"name": Path(str(file.__file__)).stem, "doc": file.__doc__, "params": file.Params}
     members |= {f.name: getattr(file, f.name) for f in fields(Effect) if hasattr(file, f.name)}
-    return Effect(**members | entries)
+    return Effect(title=title, place=place, act=act, **members | entries)
 
 
 @dataclass(frozen=True)

@@ -92,10 +92,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="density and viscosity of the air of the site",
-    place="scene",
-    act=change,
-    reads=STATED,
-    most=1.5,
+    __name__, "density and viscosity of the air of the site", "scene", change, reads=STATED, most=1.5
 )

@@ -55,4 +55,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("a level bed stays level", pull(0, 60.0, 0.0), 0.0)
 
 
-EFFECT = effect_of(__name__, title="slope of the bed", place="scene", act=change, reads=("slope",), most=1.5)
+EFFECT = effect_of(__name__, "slope of the bed", "scene", change, reads=("slope",), most=1.5)

@@ -45,9 +45,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="criterion of the observer of a threshold (instrument)",
-    place="instrument",
-    act=read,
+    "criterion of the observer of a threshold (instrument)",
+    "instrument",
+    read,
     most=2.0,
     expected={"threshold_u_star": 1},
 )

@@ -55,9 +55,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="roughness and vegetation that shelter the ground (Raupach)",
-    place="scene",
-    act=change,
+    "roughness and vegetation that shelter the ground (Raupach)",
+    "scene",
+    change,
     reads=("roughness_density",),
     expected={"threshold_u_star": 1, "flux": -1},
 )

@@ -71,8 +71,8 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="van der Waals adhesion of rough dry grains",
-    place="pair",
-    act=pull,
+    "van der Waals adhesion of rough dry grains",
+    "pair",
+    pull,
     expected={"repose_angle": 1, "threshold_u_star": 1},
 )

@@ -97,9 +97,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="electric field of blowing sand: lift on the bed, pull in flight",
-    place="grain",
-    act=push,
+    "electric field of blowing sand: lift on the bed, pull in flight",
+    "grain",
+    push,
     reads=("moisture",),
     expected={"threshold_u_star": -1},
 )

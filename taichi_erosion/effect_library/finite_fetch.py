@@ -57,9 +57,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="flux of a bed too short to saturate (instrument)",
-    place="instrument",
-    act=read,
+    "flux of a bed too short to saturate (instrument)",
+    "instrument",
+    read,
     reads=("fetch", "diameter"),
     expected={"flux": -1},
 )

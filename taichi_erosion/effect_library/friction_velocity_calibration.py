@@ -47,8 +47,8 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="calibration error of the friction velocity (instrument)",
-    place="instrument",
-    act=read,
+    "calibration error of the friction velocity (instrument)",
+    "instrument",
+    read,
     expected={"threshold_u_star": 1, "flux": -1},
 )

@@ -54,4 +54,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("walls keep their density", changed_scene(1.0).materials["steel"].density, 7850.0)
 
 
-EFFECT = effect_of(__name__, title="true density of the grains", place="scene", act=change, most=1.5)
+EFFECT = effect_of(__name__, "true density of the grains", "scene", change, most=1.5)

@@ -67,10 +67,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="elongated grains, as rigid pairs of spheres",
-    place="scene",
-    act=change,
-    most=2.0,
-    expected={"repose_angle": 1},
+    __name__, "elongated grains as pairs of spheres", "scene", change, most=2.0, expected={"repose_angle": 1}
 )

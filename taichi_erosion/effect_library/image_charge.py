@@ -64,4 +64,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("between two grains there is none", force(0.0, radius_j=1e-4), 0.0)
 
 
-EFFECT = effect_of(__name__, title="image force of charged grains at walls", place="pair", act=pull, most=2.0)
+EFFECT = effect_of(__name__, "image force of charged grains at walls", "pair", pull, most=2.0)

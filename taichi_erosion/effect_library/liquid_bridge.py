@@ -139,9 +139,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="capillary bridges between moist grains",
-    place="pair",
-    act=pull,
+    "capillary bridges between moist grains",
+    "pair",
+    pull,
     after_touch=True,
     reads=("moisture", "clay_fraction"),
     uncertain={"exponent": 0.5},  # measured rises of thresholds and heaps lie between a third and linear

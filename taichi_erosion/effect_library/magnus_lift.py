@@ -70,10 +70,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="Magnus lift of spinning grains",
-    place="grain",
-    through_air=True,
-    act=push,
-    expected={"flux": 1},
+    __name__, "Magnus lift of spinning grains", "grain", push, through_air=True, expected={"flux": 1}
 )

@@ -55,10 +55,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="grains in the air pass through each other",
-    place="first_contact",
-    act=passes,
-    most=1.0,
-    expected={"flux": -1},
+    __name__, "no collisions of grains in the air", "first_contact", passes, most=1.0, expected={"flux": -1}
 )

@@ -93,10 +93,10 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="more drag on grains on the bed and close above it",
-    place="grain",
+    "more drag on grains on the bed and close above it",
+    "grain",
+    push,
     through_air=True,
-    act=push,
     drag=factor,
     most=1.5,
     expected={"threshold_u_star": -1},

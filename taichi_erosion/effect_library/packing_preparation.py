@@ -64,9 +64,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="tapped instead of poured packing",
-    place="scene",
-    act=change,
-    expected={"repose_angle": 1},
+    __name__, "tapped instead of poured packing", "scene", change, expected={"repose_angle": 1}
 )

@@ -38,8 +38,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="another method of measuring the angle of repose (instrument)",
-    place="instrument",
-    act=read,
+    __name__, "another method of measuring the angle of repose (instrument)", "instrument", read
 )

@@ -68,10 +68,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="restitution that falls with impact speed",
-    place="pair",
-    act=pull,
-    most=2.0,
-    expected={"flux": -1},
+    __name__, "restitution that falls with impact speed", "pair", pull, most=2.0, expected={"flux": -1}
 )

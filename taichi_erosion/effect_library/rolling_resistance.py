@@ -82,9 +82,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="rolling resistance of angular grains (type C)",
-    place="scene",
-    act=change,
+    "rolling resistance of angular grains (type C)",
+    "scene",
+    change,
     reads=("angularity",),
     uncertain={"exponent": 0.35},
     expected={"repose_angle": 1, "threshold_u_star": 1},

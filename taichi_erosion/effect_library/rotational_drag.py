@@ -65,4 +65,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("a grain that turns with the air keeps its spin", torque(500.0, 1000.0), 0.0)
 
 
-EFFECT = effect_of(__name__, title="drag of the air on spin", place="grain", through_air=True, act=push)
+EFFECT = effect_of(__name__, "drag of the air on spin", "grain", push, through_air=True)

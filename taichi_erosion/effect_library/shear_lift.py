@@ -104,9 +104,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="shear lift, free (Saffman) and on the bed",
-    place="grain",
+    "shear lift, free (Saffman) and on the bed",
+    "grain",
+    push,
     through_air=True,
-    act=push,
     expected={"threshold_u_star": -1, "flux": 1},
 )

@@ -72,9 +72,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="coarse lag that shelters the sand",
-    place="scene",
-    act=change,
-    expected={"threshold_u_star": 1, "flux": -1},
+    __name__, "coarse lag that shelters sand", "scene", change, expected={"threshold_u_star": 1, "flux": -1}
 )

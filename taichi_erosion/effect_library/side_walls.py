@@ -67,9 +67,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="side walls of a narrow apparatus",
-    place="scene",
-    act=change,
+    "side walls of a narrow apparatus",
+    "scene",
+    change,
     most=2.0,
     expected={"repose_angle": 1, "flux": -1},
 )

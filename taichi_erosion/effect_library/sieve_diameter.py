@@ -61,10 +61,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    title="sieve against true diameter (instrument)",
-    place="scene",
-    act=change,
-    prior_scale=0.5,
-    most=2.0,
+    __name__, "sieve against true diameter (instrument)", "scene", change, prior_scale=0.5, most=2.0
 )

@@ -83,6 +83,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("the time step shrinks with the finest", step, 1e-6 * finest, rtol=1e-4)
 
 
-EFFECT = effect_of(
-    __name__, title="lognormal grain sizes in place of the median", place="scene", act=change, most=2.0
-)
+EFFECT = effect_of(__name__, "lognormal grain sizes in place of the median", "scene", change, most=2.0)

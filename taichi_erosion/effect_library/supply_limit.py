@@ -48,6 +48,4 @@ def checks(probe: Probe) -> Checks:
     yield Check("at strength 1.5 a quarter of the cover", grain_count(1.5), 100)
 
 
-EFFECT = effect_of(
-    __name__, title="thin cover of loose grains on a hard floor", place="scene", act=change, most=1.5
-)
+EFFECT = effect_of(__name__, "thin cover of loose grains on a hard floor", "scene", change, most=1.5)

@@ -159,9 +159,9 @@ def memory_checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="crust of cemented grains",
-    place="pair",
-    act=bond,
+    "crust of cemented grains",
+    "pair",
+    bond,
     vector=True,
     grain_state=State,
     expected={"threshold_u_star": 1, "flux": -1, "repose_angle": 1},

@@ -69,9 +69,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="fixed stones that shelter the sand between them",
-    place="scene",
-    act=change,
+    "fixed stones that shelter the sand between them",
+    "scene",
+    change,
     reads=("roughness_density",),
     most=2.0,
     expected={"threshold_u_star": 1, "flux": -1},

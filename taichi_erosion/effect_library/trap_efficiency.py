@@ -53,9 +53,9 @@ def checks(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="efficiency of the sand trap (instrument)",
-    place="instrument",
-    act=read,
+    "efficiency of the sand trap (instrument)",
+    "instrument",
+    read,
     reads=("diameter", "friction_velocity"),
     expected={"flux": -1},
 )

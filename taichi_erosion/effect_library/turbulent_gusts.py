@@ -186,9 +186,9 @@ def checks_at_wall(probe: Probe) -> Checks:
 
 EFFECT = effect_of(
     __name__,
-    title="gusts of the wind (log-normal, Langevin statistics)",
-    place="grain",
+    "gusts of the wind (log-normal, Langevin statistics)",
+    "grain",
+    push,
     through_air=True,
-    act=push,
     expected={"threshold_u_star": -1, "flux": 1},
 )

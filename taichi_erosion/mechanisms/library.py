@@ -35,11 +35,6 @@ def mechanism_rows() -> dict[str, dict[str, Any]]:
     return dict(sorted(rows.items()))
 
 
-def dose_meaning(name: str) -> str:
-    """What the dose of a mechanism counts."""
-    return mechanism_rows()[name][DOSE][-1]
-
-
 @cache
 def load_mechanisms() -> dict[str, Effect]:
     """All mechanisms by name, with their device functions: it imports the compiler."""

@@ -85,10 +85,9 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
 
 def can_effect_act_in_scene(scene: Scene, effect: Effect) -> bool:
     """Whether an effect can act under the conditions that a scene states."""
+    values = {name: np.array([v]) for name, v in scene.conditions.values_in_si().items()}
     with failures_of(effect, "can_act"):
-        return bool(
-            np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.values_in_si().items()}))
-        )
+        return bool(np.all(effect.can_act(values)))
 
 
 def does_effect_change_scene(scene: Scene, effect: Effect) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,7 @@ ABOUT = {
     "results": "my lab/a-results",
     "effect_files": [],
     "units": {"repose_angle": "deg", "radius_90": "m", "threshold_u_star": "m/s"},
-    KEY: UNITS.units_as_tables(),
+    KEY: asdict(UNITS),
     "set_up": [],
     "notes": ["7 rows are held out."],
     "warnings": ["the scatter is unknown"],

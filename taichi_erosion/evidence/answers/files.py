@@ -7,7 +7,7 @@ from.
 import json
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -27,7 +27,7 @@ from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import naming_lowers_misfit
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
-from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
+from taichi_erosion.mechanisms.library import DOSE, mechanism_rows
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
@@ -67,7 +67,7 @@ class Reply:
 
         titles = {name: row["title"] for name, row in rows.items()}
         titles |= effect_titles(map(Path, about["effect_files"]))
-        words = titles, {name: dose_meaning(name) for name in rows}
+        words = titles, {name: row[DOSE][-1] for name, row in rows.items()}
         results = str(answer_file(Path(about["results"]), Path(about["study"]).stem, "discover"))
         units = TableUnits.of(about)
         return Vocabulary(about["study"], command_with_options, units, *words, results, adopted_path)
@@ -93,7 +93,7 @@ def study_fields(study: Study) -> Document:
         "candidates": study.problem.candidate_names,
         "effect_files": [str(file.path) for file in study.effect_files],
         "units": dict(zip(table.observable, table.unit, strict=True)),
-        KEY: table.table_units.units_as_tables(),
+        KEY: asdict(table.table_units),
         "notes": list(study.notes),
         "rows_visible": table.size - len(study.problem.vault.rows),
         "rows_hidden": len(study.problem.vault.rows),

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.transforms import effect_of_path, is_strength_
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import LEAST_DOSE, Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, most_test_runs
-from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, cost_in_words, phase_shares, plan_cost
+from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, cost_in_words, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
@@ -303,9 +303,10 @@ def has_doses(about: Points) -> bool:
 
 
 def phase_progress(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
-    """Progress of one phase as part of the whole plan."""
-    before, weight = phase_shares(phases, phase)
-    return lambda words, share: progress(words, before + weight * share)
+    """Progress of one phase as part of the whole plan; 1 beyond it."""
+    total = sum(phases) or 1.0
+    before, weight = sum(phases[:phase]) / total, sum(phases[phase : phase + 1]) / total
+    return lambda words, share: progress(words, (before if phase < len(phases) else 1.0) + weight * share)
 
 
 def acting_at(point: Setting) -> frozenset[str]:

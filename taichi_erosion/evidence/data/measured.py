@@ -113,10 +113,8 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
     roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
     for column in columns if roles & {*SCATTER} else ():
         heading = read_heading(column[0])
-        if (
-            heading.unit or meaning_of(heading.name)[0] in KINDS.values()
-        ):  # numbers that a spreadsheet changed
-            continue
+        if heading.unit or meaning_of(heading.name)[0] in KINDS.values():
+            continue  # numbers that a spreadsheet changed
         if max(days := days_since_first(column[1:]), default=0):
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)
@@ -411,10 +409,3 @@ def cells_in_range_unit(
         cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
     scaled = [(row, value, unit, range_scale(unit, allowed)) for row, value, unit in cells if isfinite(value)]
     return [(row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale]
-
-
-def unusual_notes(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
-    """Values that can be and are not usual, in words: they may be slips."""
-    for row, value, unit, used in cells_in_range_unit(table, name, allowed) if allowed else ():
-        if allowed and not allowed.is_usual(used):
-            yield f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"

@@ -5,7 +5,7 @@ takes its numbers through `TableUnits`.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -30,10 +30,6 @@ class TableUnits:
         values |= {name: Scale(**entry) for name, entry in stored.get("values", {}).items()}
         conditions = {name: Scale(**entry) for name, entry in stored.get("conditions", {}).items()}
         return TableUnits(values, conditions)
-
-    def units_as_tables(self) -> dict[str, Any]:
-        """The same as plain tables."""
-        return asdict(self)
 
     def value_unit(self, observable: str) -> str:
         """Unit of an observable; empty for a pure number."""

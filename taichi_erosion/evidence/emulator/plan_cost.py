@@ -1,6 +1,5 @@
 """Cost of an answer, told before it: runs of scenes or settings of a function, and their time here."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from time import perf_counter
@@ -115,9 +114,3 @@ def span(seconds: float) -> str:
     if seconds < 1.5 * MINUTE:
         return f"{max(seconds, 1.0):.0f} s"
     return f"{seconds / MINUTE:.0f} min" if seconds < 1.5 * HOUR else f"{seconds / HOUR:.1f} h"
-
-
-def phase_shares(phases: Sequence[float], phase: int) -> tuple[float, float]:
-    """Share of the whole before a phase, and that of the phase itself; 1 and 0 beyond the plan."""
-    total = sum(phases) or 1.0
-    return (sum(phases[:phase]) / total, phases[phase] / total) if phase < len(phases) else (1.0, 0.0)

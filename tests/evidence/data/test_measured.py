@@ -1,5 +1,6 @@
 """A tidy table is read cell by cell and told in its units; whatever is wrong is told in one line."""
 
+from dataclasses import asdict
 from math import inf, nan
 from pathlib import Path
 
@@ -78,5 +79,5 @@ def test_values_and_conditions_are_told_in_the_units_of_the_table_also_from_a_st
     assert units.value("threshold", 0.02) == pytest.approx(2.0)
     told = units.conditions_text({"diameter": 2.3e-4, "temperature": 303.15, "roughness": 0.1, "slope": nan})
     assert told == "diameter = 230 um, temperature = 30 °C, roughness = 0.1"
-    assert TableUnits.of({"table_units": units.units_as_tables()}) == units
+    assert TableUnits.of({"table_units": asdict(units)}) == units
     assert TableUnits.of({"units": {"threshold": "m/s"}}).value_text("threshold", 0.253) == "0.253 m/s"
