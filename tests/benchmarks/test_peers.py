@@ -1,7 +1,6 @@
 """The comparison with other codes: what their logs say, equal and sound starts, measures and errors."""
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,19 +8,15 @@ from scipy.spatial import KDTree
 
 from benchmarks.peers import physics, physics_column
 from benchmarks.peers.cases import SOIL, Bed, funnel_pile, funnel_triangles, tiled
-from benchmarks.peers.codes import LAMMPS, NEW_LAMMPS, PEERS, launch, peer_log
+from benchmarks.peers.codes import LAMMPS, NEW_LAMMPS
 from benchmarks.peers.compare import Sample, gain, summary
 from benchmarks.peers.peer_log import last_run
 from benchmarks.peers.physics_cases import BED_SIDE, shear_effective, weight, young_effective
-from benchmarks.peers.physics_codes import LAMMPS_TSUJI, ROLLING_SPRING, lammps_damping, lammps_normal
+from benchmarks.peers.physics_codes import LAMMPS_TSUJI, lammps_damping, lammps_normal
 from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
-from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth
-from benchmarks.peers.physics_pair import pair_numbers
-from benchmarks.peers.publish import joined
+from benchmarks.peers.physics_measures import Rest, bed_numbers, depth
 from taichi_erosion.grains.materials import damping_ratio
 from taichi_erosion.scene import replica_setup
-from tests.verification.contact import adhesion
-from tests.verification.reference import contact as jkr
 
 LAMMPS_LOG = """\
 Step Atoms c_kinetic c_contacts 
@@ -97,22 +92,6 @@ def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
     assert lammps.gain == {"ours f32": pytest.approx(3.0)}
 
 
-def test_rounds_of_two_sittings_follow_each_other(tmp_path):
-    files = []
-    for sitting, (cores, rounds) in enumerate([(1, 2), (1, 3), (2, 1)]):
-        samples = [Sample("bed10k", cores, "LAMMPS", turn, 2e6, 4.4, 0, 0.0) for turn in range(rounds)]
-        files.append(tmp_path / f"{sitting}.json")
-        files[-1].write_text(json.dumps({"samples": list(map(asdict, samples))}))
-    assert [(one.cores, one.round) for one in joined(files)] == [*((1, turn) for turn in range(5)), (2, 0)]
-
-
-def test_two_versions_of_a_code_keep_their_logs_and_their_launchers_apart():
-    assert len({peer_log(peer, "bed10k") for peer in PEERS}) == len(PEERS)
-    for peer in (LAMMPS, NEW_LAMMPS):
-        assert (launch(peer, 1), launch(peer, 2)[-3:]) == ([peer.binary], ["-np", "2", peer.binary])
-    assert launch(LAMMPS, 2)[0] != launch(NEW_LAMMPS, 2)[0]
-
-
 def test_both_versions_of_lammps_are_told_the_same_restitution():
     # of 2021: Tsuji's a is sqrt(5) times the share of critical damping, and walls get the polynomial twice
     old, new = lammps_damping(0.6, LAMMPS), lammps_damping(0.6, NEW_LAMMPS)
@@ -159,13 +138,6 @@ def test_the_decks_are_told_the_grains_of_our_scene():
     assert soil.poisson == physics_column.POISSON
 
 
-def test_the_rolling_spring_of_lammps_in_the_beds_is_ours_under_five_weights():
-    contact_radius = np.sqrt(0.25 * SOIL.diameter * depth(5.0, 0.25))
-    spring = 4.5 * young_effective(SOIL) * contact_radius * SOIL.friction_rolling**2
-    assert physics_column.rolling_spring(SOIL, 0.25 * SOIL.diameter, load=5.0) == pytest.approx(spring)
-    assert pytest.approx(spring, rel=0.02) == ROLLING_SPRING
-
-
 def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing():
     for column in (physics_column.STICKY_FREE, physics_column.STICKY):
         soil, scene = physics_column.column_soil(column), physics_column.column_scene(column)
@@ -181,42 +153,11 @@ def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing()
     assert lammps_normal(physics_column.USUAL, 0.6).startswith("hertz/material")
 
 
-def test_grains_with_a_stretched_neck_count_as_neighbours():
-    soil = physics_column.column_soil(physics_column.STICKY)
-    reduced = 0.25 * soil.diameter
-    cube = np.pi * physics_column.surface_energy(physics_column.STICKY) * reduced**2 / young_effective(soil)
-    tear = -jkr.overlap_at(jkr.CUBE_TEAR) * cube ** (2.0 / 3.0) / reduced
-    assert 1.0 + tear / soil.diameter < CLOSE
-    place = np.array([[0.0, 0.0, 0.0], [soil.diameter + tear, 0.0, 0.0], [3.0 * soil.diameter, 0.0, 0.0]])
-    (found,) = dict(close_numbers(Rest(place, place, place), soil)).values()
-    assert found == pytest.approx(2.0 / 3.0)
-
-
 def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
     soil = replace(physics_column.column_soil(IMPACT), friction_wall=0.05, friction_rolling=0.0)
     exact = 1.0 - soil.friction_wall * (1.0 + soil.restitution)
     # the weight adds g times a contact of 0.4 ms, 4 % of the momentum
     assert speed_left(LAWS["ours"], soil) == pytest.approx(exact, abs=0.04 * soil.friction_wall * 1.5)
-
-
-def test_landmarks_of_the_closed_form_are_found_on_its_own_curve():
-    apart = np.linspace(jkr.overlap_at(jkr.CUBE_TEAR), 4.0, 2001)[::-1]
-    overlap = np.concatenate([np.linspace(0.0, 4.0, 500), apart])
-    force = np.array([jkr.branch_force(float(one)) for one in overlap])
-    found = list(dict(pair_numbers(overlap, force)).values())
-    tear = -jkr.overlap_at(jkr.CUBE_TEAR)
-    assert found == pytest.approx([-8.0 / 3.0, 3.0, tear, 0.0], abs=1e-3)
-    assert adhesion.TEAR_AT == -tear
-
-
-def test_differences_are_given_in_standard_errors():
-    ours, theirs = np.array([1.0, 2.0, 3.0, 4.0]), np.array([2.1, 3.0, 4.0, 4.9])
-    error = np.sqrt((ours.var(ddof=1) + theirs.var(ddof=1)) / 4.0)
-    assert physics.apart(theirs, ours, paired=False) == pytest.approx(1.0 / error)
-    # the same beds: only what a bed does differently counts
-    same = np.std([1.1, 1.0, 1.0, 0.9], ddof=1) / 2.0
-    assert physics.apart(theirs, ours, paired=True) == pytest.approx(1.0 / same)
-    assert np.isnan(physics.apart(theirs[:1], ours[:1], paired=False))
 
 
 def test_the_tables_of_the_pages_are_those_of_the_results():
