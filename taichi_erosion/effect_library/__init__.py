@@ -28,7 +28,7 @@ from taichi_erosion.core.effect_file import (
 from taichi_erosion.core.errors import BadInput
 
 GROUP = "taichi_erosion.effects"  # of entry points
-TITLE = re.compile(r'\btitle="(.+?)",')  # in the file of an effect
+TITLE = re.compile(r'\beffect_of\(\s*__name__,\s*"(.+?)",')  # in the file of an effect
 
 
 def load_library(files: Iterable[Path | EffectFile] = ()) -> dict[str, Effect]:
