@@ -6,7 +6,7 @@ page     a film of a live session in the browser, for docs/live_and_python.md; n
 study    the results of doe/funnel_soil.toml in the viewer
 wind     thresholds and fluxes of fine sand beside formulas, for docs/quick_start.md; seven minutes
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
-million  the end of scenes/million_grains.toml from the side, for docs/speed.md; 50 minutes of one core
+million  the end of scenes/million_grains.toml from the side, for docs/speed.md; 54 minutes of one core
 benches  a hopper, a press, a shear box and a heap between walls, for docs/scene_files.md
 """
 

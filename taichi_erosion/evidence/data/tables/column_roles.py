@@ -15,7 +15,7 @@ from math import inf, isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.physical_ranges import is_other_kind, plausible_units, range_of
+from taichi_erosion.scene.physical_ranges import PhysicalRange, is_other_kind, plausible_units, range_of
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import (
     CellFault,
@@ -328,6 +328,11 @@ def parse_roughness_length(text: str, height: float) -> float:
     return value
 
 
+def can_be_of_any_size(allowed: PhysicalRange) -> bool:
+    """Whether numbers of a quantity can be of any size, so that none tells its unit."""
+    return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS
+
+
 @dataclass(frozen=True)
 class Reading:
     """A table that is being understood."""
@@ -406,7 +411,7 @@ def assume_or_ask_unit(column: Column, values: Sequence[float], reading: Reading
     allowed, measured = range_of(column.name), column.role == "observable"
     if allowed is None or not values:
         return column
-    several = allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS  # tells no unit
+    several = can_be_of_any_size(allowed)
     if not several and all(map(allowed.is_usual, values)):
         unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
