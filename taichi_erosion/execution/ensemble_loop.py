@@ -101,7 +101,7 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     """Advance all active replicas to the next check, and check them."""
     sim, interval, started = ensemble.sim, ensemble.check_interval, time.perf_counter()
     target = (ensemble.checks + 1) * interval
-    statuses = simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
+    status = simulation.advance(sim, [target if state.active else 0.0 for state in ensemble.states])
     ensemble.checks += 1
     ensemble.sums = simulation.energy_sums(sim)
     running = np.array([state.active for state in ensemble.states])
@@ -111,8 +111,7 @@ def advance_to_next_check(ensemble: EnsembleRun) -> None:
     ensemble.wall_s += time.perf_counter() - started
     for replica, state in enumerate(ensemble.states):
         if state.active:
-            if statuses[replica] != Status.RUNNING:
-                state.failure = simulation.failure_of(sim, replica)
+            state.failure = simulation.failure_of(sim, replica) if status[replica] != Status.RUNNING else None
             stages.count_removed(sim, replica, state, ensemble.time, removed[replica])
             check_replica(ensemble, replica, state)
 

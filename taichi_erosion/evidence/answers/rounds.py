@@ -306,7 +306,7 @@ def phase_progress(progress: Progress, phases: Sequence[float], phase: int) -> P
     """Progress of one phase as part of the whole plan; 1 beyond it."""
     total = sum(phases) or 1.0
     before, weight = sum(phases[:phase]) / total, sum(phases[phase : phase + 1]) / total
-    return lambda words, share: progress(words, (before if phase < len(phases) else 1.0) + weight * share)
+    return lambda words, share: progress(words, before + weight * share)
 
 
 def acting_at(point: Setting) -> frozenset[str]:

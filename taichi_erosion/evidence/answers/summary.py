@@ -143,9 +143,8 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     strength, share = weighted_interval(*posterior.strength_draws(name)), decision.inclusion[name]
     if single is None:
         return parts.EffectPart("untestable", share, *vars(strength).values(), most=most)
-    about = posterior.best_fit
-    if name in about.hypothesis.names or about.dose is not None:
-        about = bare
+    best = posterior.best_fit
+    about = bare if name in best.hypothesis.names or best.dose is not None else best
     column = race.prepared.whiten(effect_signature(race, about, name))
     action, gram = about.evidence.solution.project(column[:, np.newaxis])
     alone = float(column @ (about.evidence.solution.inverse_variance_of_rows * column))

@@ -231,7 +231,7 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
         lines += [f"start = {number.start:g}", f"low = {number.low:g}", f"high = {number.high:g}"]
         lines += [f"prior_sd_log = {number.sd_log:g}"]
     lines += ["", "[candidates]", f"effects = {json.dumps(list(candidates) or 'all')}"]
-    for name in reduced.LARGEST.keys() & {*candidates} if content.model else ():
+    for name in sorted(reduced.LARGEST.keys() & {*candidates}) if content.model else ():
         lines += ["", f"[candidates.{name}]", f"max = {reduced.LARGEST[name]:g}"]
     lines += ["", "[vault]"]
     lines += [f"fraction = {FRACTION:g}    # of the set-ups, held out until an effect is adopted"]

@@ -112,10 +112,9 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
     columns = list(map(list, zip(*(row for _, row in cells.rows), strict=True)))
     roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
     for column in columns if roles & {*SCATTER} else ():
-        heading = read_heading(column[0])
-        if heading.unit or meaning_of(heading.name)[0] in KINDS.values():
-            continue  # numbers that a spreadsheet changed
-        if max(days := days_since_first(column[1:]), default=0):
+        heading = read_heading(column[0])  # one of numbers has some that a spreadsheet changed
+        is_number = heading.unit or meaning_of(heading.name)[0] in KINDS.values()
+        if not is_number and max(days := days_since_first(column[1:]), default=0):
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)
             break

@@ -262,8 +262,7 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     if none and (unknown or column.role == "condition"):
         yield f"{where}: '{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
     if (used or unknown) and (number := number_with_two_readings(content)):
-        plain = re.sub("[.,]", "", number)
-        yield f"{where}: '{number}' may be {plain}: write that, or {number}0; no sign between thousands"
+        yield f"{where}: '{number}' has two readings: write {re.sub('[.,]', '', number)} or {number}0"
     if (used or fractions) and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
 

@@ -261,10 +261,9 @@ class RowReader:
             self.faults.append(f"{self.cells.file}: {message}")
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
-        errors = {name: number.sd for name, number in numbers}  # behind ±
         classes = {name: number.reach / sqrt(3.0) for name, number in numbers if 0.0 < number.reach < inf}
-        errors |= classes  # the grains of a class lie anywhere in it
-        self.classes.update(classes)
+        self.classes.update(classes)  # anywhere in which the grains may lie
+        errors = {name: number.sd for name, number in numbers} | classes  # sd behind ±
         errors |= {c.title: self.read_positive(line, row, c) for c in self.columns_with("condition_sd")}
         # a row of a laboratory's table that names no source has its place in the file
         source = self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")

@@ -607,7 +607,7 @@ def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(
 
 
 TWO_READINGS = [  # a condition, its cells, what is said of it
-    ("d50 (µm)", ("250", "500", "1.000"), "'1.000' may be 1000"),
+    ("d50 (µm)", ("250", "500", "1.000"), "'1.000' has two readings: write 1000 or 1.0000"),
     ("d50 (mm)", ("2024-02-01", "2024-04-03", "2024-06-05"), "is a date; if the spreadsheet made it"),
     ("mulch (g/m2)", ("none", "100", "200"), "'none' may mean 0: write that where it does"),
     ("density (g/cm3)", ("1.3", "1.5", "1.7"), "did you mean materials.soil.density?"),
