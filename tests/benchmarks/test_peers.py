@@ -1,7 +1,5 @@
 """The comparison with other codes: what their logs say, equal and sound starts, measures and errors."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
@@ -13,7 +11,6 @@ from benchmarks.peers.compare import Sample, gain, summary
 from benchmarks.peers.peer_log import last_run
 from benchmarks.peers.physics_cases import BED_SIDE, shear_effective, weight, young_effective
 from benchmarks.peers.physics_codes import LAMMPS_TSUJI, lammps_damping, lammps_normal
-from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
 from benchmarks.peers.physics_measures import Rest, bed_numbers, depth
 from taichi_erosion.grains.materials import damping_ratio
 from taichi_erosion.scene import replica_setup
@@ -151,13 +148,6 @@ def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing()
         assert (law, list(map(float, words))) == ("jkr", told)
     assert physics_column.column_scene(physics_column.USUAL).laws.normal == "hertz"
     assert lammps_normal(physics_column.USUAL, 0.6).startswith("hertz/material")
-
-
-def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
-    soil = replace(physics_column.column_soil(IMPACT), friction_wall=0.05, friction_rolling=0.0)
-    exact = 1.0 - soil.friction_wall * (1.0 + soil.restitution)
-    # the weight adds g times a contact of 0.4 ms, 4 % of the momentum
-    assert speed_left(LAWS["ours"], soil) == pytest.approx(exact, abs=0.04 * soil.friction_wall * 1.5)
 
 
 def test_the_tables_of_the_pages_are_those_of_the_results():
