@@ -66,10 +66,5 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__,
-    "side walls of a narrow apparatus",
-    "scene",
-    change,
-    most=2.0,
-    expected={"repose_angle": 1, "flux": -1},
+    __name__, "side walls close together", "scene", change, most=2.0, expected={"repose_angle": 1, "flux": -1}
 )

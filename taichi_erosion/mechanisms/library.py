@@ -74,11 +74,6 @@ def dose_position(dose: Any) -> Any:
     return np.sign(dose) * np.log1p(np.abs(dose))
 
 
-def dose_at(position: float) -> float:
-    """Dose at a place on that scale [1]."""
-    return float(np.sign(position) * np.expm1(abs(position)))
-
-
 def dose_range(mechanism: Effect) -> tuple[float, float]:
     """Least and largest dose for which a mechanism is meant [1]."""
     declared = next(f for f in fields(mechanism.params) if f.name == DOSE).metadata

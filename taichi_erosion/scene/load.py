@@ -4,6 +4,7 @@ import json
 import shlex
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from functools import lru_cache
 from hashlib import sha256
@@ -170,7 +171,10 @@ def validate(
         for override in overrides:
             set_value_by_override(raw, override)
         raw = lists_to_tuples(raw)
-        diameter = nominal_diameter_or_none(raw) if kind is Scene else None
+        with suppress(ValidationError, KeyError, TypeError):  # of the sizes: told below
+            diameter = (
+                nominal_diameter(SIZES.validate_python(raw["grains"]["size"])) if kind is Scene else None
+            )
         scene = kind.model_validate(raw, context={DIAMETER: diameter})
         scene._file = name
         if lines := list(problems(scene)):
@@ -260,14 +264,6 @@ def printable_line(text: str) -> str:
 
 
 SIZES: TypeAdapter[Size] = TypeAdapter(Size)
-
-
-def nominal_diameter_or_none(table: Mapping[str, Any]) -> float | None:
-    """Nominal diameter [m], None where the size law is invalid."""
-    try:
-        return nominal_diameter(SIZES.validate_python(table["grains"]["size"]))
-    except (ValidationError, KeyError, TypeError):
-        return None
 
 
 def lists_to_tuples(value: Any) -> Any:

@@ -92,9 +92,9 @@ def number_with_two_readings(cells: Iterable[str]) -> str:
 
     Where all marks of a column can be such, and the numbers lie nearer to each other with them.
     """
-    texts = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
+    texts = [m["number"] for cell in cells if (m := QUANTITY.fullmatch(plain_cell(cell))) and not m["unit"]]
     marked = [text for text in texts if not text.isdigit()]
-    whole = [float(text) for text in texts if text.isdigit() and len(text) > 2]
+    whole = [float(text) for text in texts if text.isdigit() and len(text) > 1]
     if not (whole and marked and all(map(THOUSANDS.fullmatch, marked))):
         return ""
     readings = [[*whole, *(float(re.sub("[.,]", mark, text)) for text in marked)] for mark in (".", "")]

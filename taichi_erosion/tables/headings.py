@@ -278,8 +278,7 @@ def meaning_of(heading: str) -> tuple[Role, str]:
         if kind == "conditions":
             return ("condition_sd", meaning) if scatter == "sd" else ("remark", "")
         return scatter, ""
-    is_unsure = plain in known_words()["asked"].get(meaning, ())
-    if is_unsure or longest_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
+    if longest_word(heading, "others")[0] > max(length, other) or names_another_thing(heading):
         return "unknown", ""
     if other and (not length or (role in SCATTER and other > length)):
         return role, ""  # pyright: ignore[reportReturnType]

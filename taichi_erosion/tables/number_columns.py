@@ -262,6 +262,13 @@ def common_last_digit_size(values: Floats) -> float:
     return max((x for x in units if np.all(np.abs(values / x - np.round(values / x)) < 1e-6)), default=0.0)
 
 
+def reading_step(values: Floats) -> float:
+    """Step of an instrument: the last digit, or 2 or 5 of it where chance is below one in a hundred."""
+    digit = common_last_digit_size(values)
+    counts = np.unique(np.round(values / digit)) if digit else np.zeros(0)
+    return digit * next((k for k in (5, 2) if k**counts.size > 100 and not np.any(counts % k)), 1)
+
+
 def mean_of_repeats(results: Sequence[Floats]) -> Floats:
     """Mean (n,) of repeats side by side, with as many digits as they have."""
     mean = np.mean(results, axis=0)

@@ -200,7 +200,8 @@ def guess_separator(text: str) -> str:
                 counts[separator] = widths.count(commonest), commonest
     except csv.Error:
         return ","
-    return max(counts, key=lambda s: (counts[s][0] > 0.5 * len(lines), s not in ",|", counts[s]), default=",")
+    half, last = 0.5 * len(lines), "|" if lines and lines[-1].startswith("|") else ","  # of Markdown
+    return max(counts, key=lambda s: (counts[s][0] > half, s not in ",|", s == last, counts[s]), default=",")
 
 
 def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:

@@ -21,7 +21,7 @@ TITLES = {
     "rolling_resistance": "rolling resistance of angular grains",
     "rolling_friction": "a factor of rolling friction",
     "contact_pull": "a pull between touching grains",
-    "side_walls": "side walls of a narrow apparatus",
+    "side_walls": "side walls close together",
 }
 VOC = Vocabulary(
     "lab.toml",

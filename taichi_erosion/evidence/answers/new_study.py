@@ -189,9 +189,7 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
     for name, allowed in ranges:
         for row, value, unit, used in cells_in_range_unit(measured, name, allowed) if allowed else ():
             if allowed and not allowed.is_usual(used):  # a slip, perhaps
-                interview.assume(
-                    f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"
-                )
+                interview.assume(f"row {row.line}, {name} = {value:g} {unit or ''} is unusual: used as it is")
     return add_detection_limits(measured, interview)
 
 

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.data.table_units import Scale
 from taichi_erosion.evidence.data.tables.rows import row_sources
 from taichi_erosion.evidence.data.transforms import slope, to_scale
-from taichi_erosion.tables.number_columns import common_last_digit_size
+from taichi_erosion.tables.number_columns import reading_step
 
 NEGLIGIBLE = 0.1  # variance over that of a row, below which a rounding is left out
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
@@ -156,7 +156,7 @@ def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measur
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
     members = [keys == key for key in keys[first]]
-    count = np.array([np.sum(each) for each in members])
+    count = np.array([np.sum(m) if np.ptp(z[m]) > 0.0 else 1 for m in members])  # one rounding
     on_heaps = [
         {str(h): float(repeats[m & (heaps == h)].sum()) for h in dict.fromkeys(heaps[m])} for m in members
     ]
@@ -193,8 +193,8 @@ def shared_error_columns(observable: Observable, size: Floats, conditions: Condi
 def rounding_errors(observable: str, table: Measurements, steep: Floats, variance: Floats) -> Floats:
     """Rounding (n,) of each row: no row scatters less, however equal rounded values are."""
     factor = table.table_units.values.get(observable, Scale()).factor
-    digit = factor * common_last_digit_size(table.value[~table.censored] / factor)
-    size = digit / 12.0**0.5 * np.abs(steep)
+    step = factor * reading_step(table.value[~table.censored] / factor)
+    size = step / 12.0**0.5 * np.abs(steep)
     return np.where(size**2 > NEGLIGIBLE * variance, size, 0.0)
 
 

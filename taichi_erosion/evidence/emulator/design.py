@@ -18,7 +18,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, value_on_axis
 from taichi_erosion.evidence.models import simulator as simulators
-from taichi_erosion.mechanisms.library import dose_at, dose_position
+from taichi_erosion.mechanisms.library import dose_position
 from taichi_erosion.scene import Scene
 from taichi_erosion.tables.number_words import round_number
 
@@ -203,7 +203,8 @@ def strength_at_share(acting: Candidate | Mechanism, share: float) -> float:
     if isinstance(acting, Mechanism):
         low, high = dose_position(acting.low), dose_position(acting.high)
         middle = 0.0 if low < 0.0 < high else 0.5 * (low + high)
-        return dose_at(float(np.interp(share, (0.0, 0.5, 1.0), (low, middle, high))))
+        position = float(np.interp(share, (0.0, 0.5, 1.0), (low, middle, high)))
+        return float(np.sign(position) * np.expm1(abs(position)))
     unit = expected_strength(acting)
     low, high = LEAST_STRENGTH * unit, min(acting.maximum, MOST_STRENGTH * unit)
     return low + (high - low) * share**WARP

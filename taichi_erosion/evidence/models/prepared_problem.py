@@ -16,7 +16,7 @@ Reference: Orear (1982), Am. J. Phys. 50, 912 (effective variance); Carroll, Rup
 (2006), Measurement Error in Nonlinear Models, chapter 1 (Berkson and classical errors).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data import transforms
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_groups
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
@@ -51,10 +51,10 @@ UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions 
 
 @dataclass(frozen=True)
 class ConditionErrors:
-    """Standard deviations of stated conditions; rows of one source and one stated value share an error."""
+    """Standard deviations of stated conditions, and the rows that share an error."""
 
     sd: Conditions  # (n,) by condition, 0 where the condition is exact
-    cell: Mapping[str, Integers]  # (n,) by condition, number of the source and the stated value
+    cell: Integers  # (n,), number of the set-up and its conditions
 
 
 @dataclass(frozen=True)
@@ -114,8 +114,7 @@ class PreparedProblem:
         if (errors := self.condition_errors) is not None:
             for name, sd in errors.sd.items():
                 change = change_per_sd(self.predictor, name, sd, x, acting)
-                cell = errors.cell[name]
-                column = cell[:, np.newaxis] == np.unique(cell[sd > 0.0])
+                column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
                 parts.append(np.where(column, change[:, np.newaxis], 0.0))
         return np.hstack([*parts, np.diag(self.rows.rounding)[:, self.rows.rounding > 0.0]])
 
@@ -189,10 +188,9 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     errors = {name: np.nan_to_num(sd) for name, sd in rows.condition_sd.items() if np.any(sd > 0.0)}
     if not errors:
         return None
-    pairs = {name: zip(rows.source_names, rows.conditions[name].tolist(), strict=True) for name in errors}
-    keys = {name: [f"{value!r}|{source}" for source, value in each] for name, each in pairs.items()}
-    cells = {name: np.unique(each, return_inverse=True)[1].astype(np.int64) for name, each in keys.items()}
-    return ConditionErrors(errors, cells)
+    cells = zip(rows.group, rows.source, condition_groups(rows), strict=True)
+    keys = ["|".join(map(str, each)) for each in cells]
+    return ConditionErrors(errors, np.unique(keys, return_inverse=True)[1].astype(np.int64))
 
 
 def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:

@@ -25,7 +25,7 @@ FAULTS = {  # of a set-up
     "too_few_rows": "too few rows to tell effects apart: {} under different conditions; at least {} are "
     "needed to calibrate {} and to test an effect",
     "held_out": "; {} more are held out (none with fraction = 0, no ranges and no sources under [vault])",
-    "unknown_scatter": "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or "
+    "unknown_scatter": "no row has an sd, no repeats differ: the scatter is unknown; add either, or "
     "say --sd 'NAME=8 %'",
     "repeated_but_for": "; rows are alike but for '{}': a heading 'note' says that it was measured, not set",
 }

@@ -145,7 +145,9 @@ def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
 def test_the_last_digit_is_an_error_of_its_row_alone_less_of_a_mean():
     problem = linear_problem({}, {}, sd=0.05, count=3, seed=None)
     table = replace(problem.measurements, value=np.array([1.2, 1.3, 1.5]))
-    for share, repeats in ((1.0, table), (0.5, table.pick_rows_at(np.tile(np.arange(3), 2)))):
+    equal = table.pick_rows_at(np.tile(np.arange(3), 2))  # which share their rounding
+    other = replace(equal, value=equal.value + np.repeat([0.0, 0.1], 3))
+    for share, repeats in ((1.0, table), (1.0, equal), (0.5, other)):
         rows = comparison_rows(problem, repeats)
         assert rows.rounding**2 == pytest.approx(np.full(3, share * 0.1**2 / 12.0))
         assert not rows.shared.any()

@@ -22,6 +22,7 @@ from taichi_erosion.tables.cell_numbers import (
     CellNumber,
     is_missing,
     is_quantity,
+    number_or_nan,
     number_with_two_readings,
     plain_cell,
     read_cell,
@@ -48,7 +49,7 @@ from taichi_erosion.tables.headings import (
     unit_in,
     wind_height_of_heading,
 )
-from taichi_erosion.tables.number_columns import stem
+from taichi_erosion.tables.number_columns import is_dose, stem
 from taichi_erosion.tables.spreadsheet import Cells, find_column_and_siblings, has_digit
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
@@ -59,6 +60,7 @@ NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 NOT_USED = "-"  # in place of a name
+LIGHTEST = 2000.0  # of grains whose density has no other word [kg m-3]
 NONE = ("none", "n a")  # cells that may mean 0
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
@@ -255,16 +257,32 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     content = [row[column.place] for _, row in cells.lines]
-    first, none = next(filter(None, content), ""), [each for each in content if plain_words(each) in NONE]
+    first = next(filter(None, content), "")
     noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
     unknown = bool(column.heading.unit) and not noted and meaning_of(column.heading.name)[0] == "unknown"
     fractions = column.role == "remark" and unknown and has_digit([first])  # `1/16` below `size of shot (in)`
-    if none and (unknown or column.role == "condition"):
-        yield f"{where}: '{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
-    if (used or unknown) and (number := number_with_two_readings(content)):
-        yield f"{where}: '{number}' has two readings: write {re.sub('[.,]', '', number)} or {number}0"
     if (used or fractions) and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
+    elif used or (unknown and column.numeric):
+        yield from (f"{where}: {words}" for words in double_readings(cells, column, content))
+
+
+def double_readings(cells: Cells, column: Column, content: Sequence[str]) -> Iterator[str]:
+    """What in a column of numbers has two readings: `none` of a dose, `1.500` beside `250`, a density."""
+    none = [each for each in content if plain_words(each) in NONE]
+    if none and (
+        column.name not in AIR
+        if column.role == "condition"
+        else column.role == "remark" and is_dose(column.heading.text)
+    ):
+        yield f"'{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
+    number = number_with_two_readings(content) if cells.form.startswith("text") else ""
+    if number and column.role != "remark":
+        yield f"'{number}' has two readings: write {re.sub('[.,]', '', number)} or {number}0"
+    if plain_words(column.heading.name) in known_words()["asked"].get(column.name, ()):
+        least = min(number_or_nan(each, cells.decimal_comma) for each in content)
+        if least * parse_scale(column.heading.unit or "kg/m3").factor < LIGHTEST:
+            yield "of the bulk or of the grains? Head it 'bulk density' or 'grain density'"
 
 
 def friction_velocity_ratio(height: float, roughness: float) -> float:

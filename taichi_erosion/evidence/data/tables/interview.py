@@ -27,7 +27,6 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Reading,
     TableOptions,
     check_column_unit,
-    column_in_unit,
     columns_with_roles,
     condition_name_of_path,
     find_or_ask_unit,
@@ -114,8 +113,7 @@ def understand_columns(
     for column in (each for each in columns if each.unclear):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
-    columns = [set_percent_of_cells(each, reading) for each in recognise_set_up_columns(columns, reading)]
-    columns = list(link_sd_and_n_columns(columns, reading))
+    columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables) or "its own"
         stress = any(has_word(each.heading.name, known_words()["computed"]["stress"]) for each in columns)
@@ -439,12 +437,6 @@ def fault_of_repeats(family: Sequence[Column], reading: Reading) -> str:
     differ = column_affects_result(column.ravel(), logarithm.ravel(), row.ravel(), CHANCE_OF_REPEATS)
     whole = logarithm[np.isfinite(logarithm).all(axis=1)]
     return UNLIKE_REPEATS if differ and np.ptp(whole.mean(axis=0)) > BLOCK_DIFFERENCE else ""
-
-
-def set_percent_of_cells(column: Column, reading: Reading) -> Column:
-    """A column; one of scatter with `5 %` in each cell counts in percent."""
-    is_percent = column.role == "sd" and {each.unit for each in reading.numbers(column)} == {"%"}
-    return column_in_unit(column, "%") if is_percent else column
 
 
 def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:

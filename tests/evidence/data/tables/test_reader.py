@@ -160,7 +160,7 @@ def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
     (tmp_path / "heap.csv").write_text("w [%];Böschungswinkel [°]\n1;31\n150;32\n2;33\n", encoding="utf-8")
     read_laboratory_table(tmp_path / "heap.csv", table_options(NewStudyOptions()), interview)
     assert [words for words in interview.assumptions if "unusual" in words] == [
-        "row 3, moisture = 150 % is unusual, and taken as written"
+        "row 3, moisture = 150 % is unusual: used as it is"
     ]
 
 

@@ -227,7 +227,7 @@ def test_rows_that_differ_in_any_column_that_acts_are_no_repeats(tmp_path):
     factors = np.array([[(k >> bit) & 1 for bit in range(6)] for k in range(64)])
     lines = [",".join([*map(str, row), f"{30 + row @ [1, 2, 0.5, 3, 1.5, 4]:.1f}"]) for row in factors]
     text = "friction,bounce,modulus,poisson,rolling,energy,angle of repose (deg)\n" + "\n".join(lines)
-    assert "no measurement is repeated" in refused(tmp_path, text)
+    assert "no repeats differ" in refused(tmp_path, text)
     assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions) == 6
 
 
@@ -610,8 +610,8 @@ TWO_READINGS = [  # a condition, its cells, what is said of it
     ("d50 (µm)", ("250", "500", "1.000"), "'1.000' has two readings: write 1000 or 1.0000"),
     ("d50 (mm)", ("2024-02-01", "2024-04-03", "2024-06-05"), "is a date; if the spreadsheet made it"),
     ("mulch (g/m2)", ("none", "100", "200"), "'none' may mean 0: write that where it does"),
-    ("density (g/cm3)", ("1.3", "1.5", "1.7"), "did you mean materials.soil.density?"),
-    ("slope (downhill positive) (deg)", ("0", "5", "10"), "'downhill' makes it another quantity"),
+    ("density (g/cm3)", ("1.3", "1.5", "1.7"), "of the bulk or of the grains?"),
+    ("slope (downhill positive) (deg)", ("0", "5", "10"), "'downhill positive' makes it another quantity"),
 ]
 
 
@@ -622,13 +622,13 @@ def test_a_condition_with_two_readings_is_refused(tmp_path, heading, cells, word
 
 
 def test_other_marks_of_spreadsheets_are_read(tmp_path):
-    rows = "".join(f"|{t} min|{30 + w}|5 %|{w}|\n" for w, t in enumerate((0, 30, 60, 90)))
+    rows = "".join(f"|{t} min|{30 + w}|{0.05 * (30 + w)}|{w}|\n" for w, t in enumerate((0, 30, 60, 90)))
     found, _ = measured(tmp_path, f"|rest|安息角（°）|SD|moisture （％）|\n|---|:---|---|---|\n{rows}")
     assert found.conditions["moisture"] == pytest.approx([0.0, 0.01, 0.02, 0.03])
     assert found.sd == pytest.approx(0.05 * found.value)
 
 
-def test_grains_lie_anywhere_in_their_class_and_the_same_at_every_moisture(tmp_path):
+def test_grains_lie_anywhere_in_their_class(tmp_path):
     rows = "".join(
         f"{d};{w};0.{k + 2}{w};0.01;4\n" for k, d in enumerate(("0.1-0.2", "0.25-0.5")) for w in (0, 2)
     )
@@ -639,4 +639,3 @@ def test_grains_lie_anywhere_in_their_class_and_the_same_at_every_moisture(tmp_p
     errors = condition_errors(comparison_rows(problem, problem.measurements))
     assert errors is not None
     assert errors.sd["diameter"] == pytest.approx(np.array([1e-4, 1e-4, 2.5e-4, 2.5e-4]) / 12**0.5)
-    assert len({*errors.cell["diameter"]}) == 2
