@@ -171,8 +171,8 @@ def random_free_place(
             along = 2.0 * np.subtract(inlet.middle, inlet.centre or inlet.middle)
             across = np.array([-along[1], along[0], 0.0]) / np.linalg.norm(along)
             place = along * random.uniform() + radius * ASIDE * random.uniform(-1.0, 1.0) * across
-        apart = others - place
-        if not (np.einsum("ij,ij->i", apart, apart) < distance**2).any():
+        offset = others - place
+        if not (np.einsum("ij,ij->i", offset, offset) < distance**2).any():
             return place
     return None
 
