@@ -29,12 +29,7 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, write_study_files
-from taichi_erosion.evidence.data.measured import (
-    add_detection_limits,
-    cells_in_range_unit,
-    read_rows,
-    value_faults,
-)
+from taichi_erosion.evidence.data.measured import add_detection_limits, cells_in_unit, read_rows, value_faults
 from taichi_erosion.evidence.data.tables import column_roles
 from taichi_erosion.evidence.data.tables.column_roles import CONDITION, Ask, Column, Interview, TableOptions
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
@@ -187,7 +182,7 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
     faults.raise_if_any()
     assert measured is not None
     for name, allowed in ranges:
-        for row, value, unit, used in cells_in_range_unit(measured, name, allowed) if allowed else ():
+        for row, value, unit, used in cells_in_unit(measured, name, allowed) if allowed else ():
             if allowed and not allowed.is_usual(used):  # a slip, perhaps
                 interview.assume(f"row {row.line}, {name} = {value:g} {unit or ''} is unusual: used as it is")
     return add_detection_limits(measured, interview)

@@ -377,7 +377,7 @@ def value_faults(
     """
     if allowed is None:
         return
-    cells = cells_in_range_unit(table, name, allowed)
+    cells = cells_in_unit(table, name, allowed)
     wrong = [each for each in cells if not allowed.is_possible(each[3])]
     odd = [each for each in cells if not allowed.is_usual(each[3])]
     meanings = plausible_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
@@ -397,7 +397,7 @@ def value_faults(
         yield f"{table.file}: row {row.line}, {message}"
 
 
-def cells_in_range_unit(
+def cells_in_unit(
     table: Table, name: str, allowed: PhysicalRange
 ) -> list[tuple[Row, float, str | None, float]]:
     """Rows of a condition or an observable with their values, as written and in the unit of a range."""

@@ -270,11 +270,8 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
 def double_readings(cells: Cells, column: Column, content: Sequence[str]) -> Iterator[str]:
     """What in a column of numbers has two readings: `none` of a dose, `1.500` beside `250`, a density."""
     none = [each for each in content if plain_words(each) in NONE]
-    if none and (
-        column.name not in AIR
-        if column.role == "condition"
-        else column.role == "remark" and is_dose(column.heading.text)
-    ):
+    is_amount = column.name not in AIR if column.role == "condition" else is_dose(column.heading.text)
+    if none and is_amount and column.role != "observable":
         yield f"'{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
     number = number_with_two_readings(content) if cells.form.startswith("text") else ""
     if number and column.role != "remark":
@@ -405,9 +402,7 @@ def find_or_ask_unit(column: Column, reading: Reading) -> Column:
         return column
     numbers, text = reading.numbers(column), column.heading.text
     if column.role == "condition" and any(0.0 < number.reach < inf for number in numbers):
-        reading.interview.assume(
-            f"ranges in column '{text}' count as their middle, with the sd width / 12^1/2"
-        )
+        reading.interview.assume(f"ranges in column '{text}' count as their middle, sd width / 12^1/2")
     if column.heading.unit:
         return column
     behind = next((number.unit for number in numbers if number.unit), "")

@@ -175,16 +175,8 @@ def table_from_cells(
     conditions = reader.columns_with("condition")
     names, units = tuple(each.title for each in conditions), tuple(c.heading.unit or None for c in conditions)
     set_names = {each.title for each in reader.columns_with("condition_sd") if each.is_set} | reader.classes
-    return Table(
-        cells.file,
-        names,
-        units,
-        tuple(rows),
-        tuple(notes),
-        tuple(sorted(set_names)),
-        cells.form,
-        tuple(columns),
-    )
+    rest = tuple(notes), tuple(sorted(set_names)), cells.form, tuple(columns)
+    return Table(cells.file, names, units, tuple(rows), *rest)
 
 
 def drop_rows_lacking_conditions(
