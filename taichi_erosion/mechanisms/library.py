@@ -63,12 +63,6 @@ def mechanism_file(name: str) -> EffectFile:
     return EffectFile(TABLE.with_name(f"{name}.py"), text)
 
 
-def physical_mechanisms(wind: bool) -> list[str]:
-    """Mechanisms that can act in a scene with or without wind; instruments need none."""
-    library = load_mechanisms()
-    return [name for name in library if library[name].place != "instrument" and (wind or name not in OF_WIND)]
-
-
 def dose_position(dose: Any) -> Any:
     """Place of a dose on a scale on which its range is even: sign(D) ln(1 + |D|) [1]."""
     return np.sign(dose) * np.log1p(np.abs(dose))

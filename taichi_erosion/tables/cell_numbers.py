@@ -33,10 +33,9 @@ MINUTES = re.compile(r"(\d+)\s*[°º]\s*([0-5]?\d)\s*['′’]")  # of an angle
 IN_BRACKETS = re.compile(r"\((\s*(?:±|\+/-|\+-)[^()]*)\)")  # scatter
 UP_TO = re.compile(r"^(?:bis(?: zu)?|up to|jusqu'à|hasta|fino a|até|до)\s+(?=\d)", re.IGNORECASE)  # a limit
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
-YEAR_MONTH = r"(?:19|20)\d\d-(?:0\d|1[0-2])"
+ISO_MONTH = r"(?:19|20)\d\d-(?:0\d|1[0-2])"
 DATE = re.compile(
-    rf"\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|{YEAR_MONTH}|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}",
-    re.IGNORECASE,
+    rf"(?i)\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|{ISO_MONTH}|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}"
 )
 DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%Y年%m月%d日")
 THOUSANDS = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")

@@ -41,7 +41,7 @@ from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, study_value
 from taichi_erosion.measures.result import Shortfall, shortfalls_of_most
-from taichi_erosion.mechanisms.library import load_mechanisms, physical_doses, physical_mechanisms
+from taichi_erosion.mechanisms.library import OF_WIND, load_mechanisms, physical_doses
 
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
@@ -151,7 +151,9 @@ def add_dose_runs(training: TrainingRuns) -> TrainingRuns:
     """
     allowance, tried = training.study.file.candidates.mechanisms, list[list[str]]()
     for scene in training.scenes:
-        able = physical_mechanisms(training.simulator.load_scene_at(scene.measure.scene).wind is not None)
+        wind, library = training.simulator.load_scene_at(scene.measure.scene).wind, load_mechanisms()
+        physics = (name for name in library if library[name].place != "instrument")
+        able = [name for name in physics if wind is not None or name not in OF_WIND]
         tried.append([name for name in able if allowance is None or name in allowance])
     names = list(dict.fromkeys(name for names_of_scene in tried for name in names_of_scene))
     simulator = training.simulator.simulator_with_mechanisms(names)
