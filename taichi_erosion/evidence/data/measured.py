@@ -213,18 +213,9 @@ def study_measurements(
 
     `places` gives the unit of what a condition sets; of the conditions that it leaves out it is SI.
     """
-    measured = list(dict.fromkeys(row.observable for row in table.rows))
-    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
-    faults = [
-        f"{name}: {section}.{each} is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
-        f"{did_you_mean(each, there)}"
-        for section, names, there in named
-        for each in names
-        if each not in there
-    ]
-    if faults:
-        raise BadInput(*faults)
     rows = [row for row in table.rows if row.observable in file.observables]
+    if faults := [*missing_column_faults(table, file, name), *unused_condition_faults(table, file, rows)]:
+        raise BadInput(*faults)
     scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
     factors = np.array([value_unit_factor(row, units[row.observable], table.file) for row in rows])
@@ -254,8 +245,31 @@ def study_measurements(
         heap=heap_of_rows(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )
-    notes = [*notes_on_unused_columns(table, file), *notes_on_condition_errors(measurements, table)]
-    return measurements, [*table.notes, *notes]
+    other = Counter(row.observable for row in table.rows if row.observable not in file.observables)
+    unused = [
+        f"{each}: {n} rows of {table.file} are of no observable of the study." for each, n in other.items()
+    ]
+    return measurements, [*table.notes, *unused, *notes_on_condition_errors(measurements, table)]
+
+
+def missing_column_faults(table: Table, file: StudyFile, name: str) -> Iterator[str]:
+    """Conditions and observables of a study that its table lacks."""
+    measured = list(dict.fromkeys(row.observable for row in table.rows))
+    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
+    for section, names, there in named:
+        for each in names:
+            if each not in there:
+                words = f"is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
+                yield f"{name}: {section}.{each} {words}{did_you_mean(each, there)}"
+
+
+def unused_condition_faults(table: Table, file: StudyFile, rows: Sequence[Row]) -> Iterator[str]:
+    """Conditions that vary in the rows of a study, and that its model is not given."""
+    for place, column in enumerate(table.conditions):
+        values = {row.conditions[place] for row in rows if isfinite(row.conditions[place])}
+        if column not in file.conditions and len(values) > 1:
+            words = "varies and is not under [conditions]: add it there, or begin its heading with 'note'"
+            yield f"{table.file}: column '{column}' {words}"
 
 
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
@@ -352,19 +366,6 @@ def notes_on_condition_errors(measurements: Measurements, table: Table) -> Itera
         share = np.mean(np.nan_to_num(sd) ** 2) / variance if variance > 0.0 else 0.0
         if share > ATTENUATION and name not in table.set_conditions:
             yield f"{name}: slopes along it come out {min(100.0 * share, 100.0):.0f} % too small if measured."
-
-
-def notes_on_unused_columns(table: Table, file: StudyFile) -> Iterator[str]:
-    """Observables that the study does not name, and conditions that vary and do not enter the model."""
-    other = [row.observable for row in table.rows if row.observable not in file.observables]
-    for name in dict.fromkeys(other):
-        rows = f"{name}: {other.count(name)} rows of {table.file} are not used"
-        yield f"{rows}; the study names no such observable."
-    used = [row for row in table.rows if row.observable in file.observables]
-    for place, column in enumerate(table.conditions):
-        values = {row.conditions[place] for row in used if isfinite(row.conditions[place])}
-        if column not in file.conditions and len(values) > 1:
-            yield f"{column} varies in {table.file}, but is not under [conditions]: the model is not told."
 
 
 def value_faults(

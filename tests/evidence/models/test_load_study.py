@@ -82,6 +82,7 @@ def test_a_model_that_breaks_its_contract_is_told(own_study, function, error, to
         ("moisture = ", "wetness = ", "conditions.wetness is not in heap.csv; conditions there: moist"),
         ("high = 0.2", "high = 0.01", "parameters.threshold_coefficient: low = 0.05 is not below high"),
         ("start = 0.5", "start = 5.0", "parameters.friction_sliding: start = 5 lies outside [0.2, 1]"),
+        ('moisture = "moisture"\n', "", "column 'moisture' varies and is not under [conditions]"),
         ("fraction = 0.3", "fraction = 3", "vault.fraction = 3 lies outside [0, 0.9]"),
         ("fraction = 0.3", "ranges = { wind = [0, 1] }", "vault.ranges.wind is not under [conditions]"),
         ("fraction = 0.3", "ranges = { moisture = [0, 1] }", "hold out every row"),

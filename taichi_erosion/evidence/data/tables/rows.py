@@ -119,7 +119,8 @@ def tidy_columns(cells: Cells) -> list[Column]:
         name = error["name"] if error else heading.name
         name = meaning_of(name)[1].rpartition(".")[2] if heading.law else name  # its numbers are turned
         name = name if NAME.fullmatch(name) else own_name(name, REQUIRED, place)
-        role: Role = "condition_sd" if error else ROLES.get(name, "condition")
+        known = "note" if name.startswith("note_") else name
+        role: Role = "condition_sd" if error else ROLES.get(known, "condition")
         if heading.unreadable:
             faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
         elif meaning_of(name)[0] in ("se", "cv", "spread"):
