@@ -114,12 +114,14 @@ def why_column_is_no_condition(
     if np.isnan(values).any():  # a blank cell may stand for none of it
         acts = any(acts_here_or_alone(np.nan_to_num(values), y, others, set_ups) for y in results)
         return "" if acts else "it is not known in every row"
-    whole = bool(np.all(values == np.round(values))) and not read_heading(heading).unit
+    title = read_heading(heading)
+    whole = bool(np.all(values == np.round(values))) and not (title.unit or title.unreadable)
     if distinct.size == 1:
         return "it is the same in all rows"
-    counts = distinct.size == values.size == 1 + np.ptp(values)
+    is_number = not heading or has_word(heading, known_words()["rows"]["number"])
+    counts = distinct.size == values.size == 1 + np.ptp(values) and (is_number or distinct[0] > 0.0)
     counts |= YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1]
-    in_order = counts_rows(values) and has_word(heading, known_words()["rows"]["number"])
+    in_order = counts_rows(values) and is_number
     in_order &= any(np.ptp(x) > 0.0 for x in others.values())
     acts = any(column_affects_result(values, y, np.zeros(y.size)) for y in results)
     if whole and (in_order or (counts and not acts)):

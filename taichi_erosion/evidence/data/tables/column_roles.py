@@ -154,7 +154,9 @@ def heading_faults(cells: Cells) -> Iterator[str]:
     first: dict[str, int] = {}
     for place, text in enumerate(cells.heading):
         where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
-        if not text and any(row[place] for _, row in cells.lines):
+        content, numbers = [row[place] for _, row in cells.lines], [*map(str, range(len(cells.lines) + 1))]
+        is_index = content in (numbers[:-1], numbers[1:])  # of a data frame
+        if not text and any(content) and not is_index:
             yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
         elif text in first and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
             yield f"{where}: heading '{text}' stands in column {first[text] + 1} too; give each its own name"
