@@ -270,12 +270,16 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
 
 def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """`It acts with moisture: the angle of repose rises to about 2 % and falls relative to the model.`"""
+    words = dict[str, list[str]]()
     for curve in record.curves:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
-        words = f"{turns.get(curve.shape, f'{curve.shape} with it')} relative to the model"
         name = f"{say.in_words(curve.condition)}{', which no effect reads under this name' * curve.unread}"
-        yield f"It acts with {name}: the {say.in_words(curve.observable)} {words}."
+        shape = turns.get(curve.shape, f"{curve.shape} with it")
+        words.setdefault(name, []).append(f"the {say.in_words(curve.observable)} {shape}")
+    return (
+        f"It acts with {name}: {say.join_words(each)} relative to the model." for name, each in words.items()
+    )
 
 
 def cause_text(name: str, record: Record, voc: say.Vocabulary) -> str:
