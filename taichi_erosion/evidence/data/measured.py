@@ -76,8 +76,9 @@ def read_rows(
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
         faults += [f"--sd {text}: write it in a column 'sd' of this table" for text in options.sd]
-        interview.assume(*cells.notes)
-        return None if tidy is None else table_from_cells(cells, tidy, faults, options)
+        table = None if tidy is None else table_from_cells(cells, tidy, faults, options)
+        interview.assume(*cells.notes, *(table.notes if table else ()))
+        return table
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = transpose_sideways_table(cells, interview), len(interview.assumptions)

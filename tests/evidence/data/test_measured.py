@@ -17,6 +17,7 @@ WITH_SD = """observable,value,n,unit,group,moisture [%],sd of moisture [%]
 repose_angle,33,3,deg,a,1.5,0.1
 repose_angle,31,3,deg,b,0,
 """
+OPERATORS = "observable,value,unit,operator\nangle,33,deg,KM\nangle,31,deg,EB\nangle,30,deg,{}\n"
 GOOD = HEAD + "repose_angle,33.5,0.7,10,deg,heap,1.65,Hao\nrepose_angle,31.2,,,deg,heap,0,Hao\n"
 
 
@@ -45,6 +46,7 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
         (GOOD.replace("[%]", "[wet]"), "heap.csv: heading 'moisture [wet]': unknown unit; allowed: 1"),
         (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
+        (OPERATORS.format("KM"), "heading 'operator': its words recur: call it 'group' if they name set-ups"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
         (GOOD.replace("repose_angle,33", "slip angle,33"), "observable = 'slip angle' must be a name"),
         (
@@ -65,6 +67,11 @@ def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):
     assert line.startswith("heap.csv")
     assert "\n" not in line
     assert told in line
+
+
+def test_a_column_of_words_that_do_not_recur_is_not_used(tmp_path):
+    found = table(tmp_path, OPERATORS.format("MK"))
+    assert (found.conditions, found.notes) == ((), ("not used: 'operator'",))
 
 
 @pytest.mark.parametrize("table_file", sorted((ROOT / "doe/measured").glob("*.csv")), ids=lambda f: f.stem)

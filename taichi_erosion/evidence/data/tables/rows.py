@@ -37,7 +37,15 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
-from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
+from taichi_erosion.tables.cell_numbers import (
+    CellFault,
+    CellNumber,
+    cell_word,
+    is_missing,
+    is_quantity,
+    read_cell,
+    reason,
+)
 from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
 from taichi_erosion.tables.spreadsheet import Cells, word_of_summary_row
@@ -121,6 +129,13 @@ def tidy_columns(cells: Cells) -> list[Column]:
         name = name if NAME.fullmatch(name) else own_name(name, REQUIRED, place)
         known = "note" if name.startswith("note_") else name
         role: Role = "condition_sd" if error else ROLES.get(known, "condition")
+        words = [row[place] for _, row in cells.lines if row[place]] if role == "condition" else []
+        if words and not heading.unit and not any(map(is_quantity, words)):
+            role = "remark"
+            if 1 < len({*words}) < len(words):
+                faults.append(
+                    f"{where}: its words recur: call it 'group' if they name set-ups, else 'note ...'"
+                )
         if heading.unreadable:
             faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
         elif meaning_of(name)[0] in ("se", "cv", "spread"):
@@ -167,7 +182,9 @@ def table_from_cells(
     Where `options` want it complete, every row states the conditions and the set-up that others state.
     """
     reader = RowReader(cells, columns, faults)
-    rows, notes = [row for line, row in cells.lines for row in reader.rows_of_line(line, row)], list[str]()
+    rows = [row for line, row in cells.lines for row in reader.rows_of_line(line, row)]
+    words = [each for each in reader.columns_with("remark") if reader.tidy and each.title not in ROLES]
+    notes = [f"not used: '{each.heading.text}'" for each in words]
     faults += reader.cell_faults()
     if options is not None and options.complete:
         rows = drop_rows_lacking_conditions(reader, rows, options.titles.values(), notes)

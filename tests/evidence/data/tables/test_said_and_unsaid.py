@@ -396,11 +396,11 @@ def test_headings_of_a_tidy_table_are_called_by_names_and_read_once(tmp_path):
 
 def test_unread_columns_that_are_left_out_are_told_in_one_sentence(tmp_path):
     rows = zip(ANGLES, (20, "", 22, "", 24), (2020, 2020, 2021, 2021, 2022), strict=True)
-    text = "moisture (%);repose angle (deg);SD;room (°C);year\n"
-    text += "".join(f"{k};{a};0.5;{room};{year}\n" for k, (a, room, year) in enumerate(rows))
+    text = ";moisture (%);repose angle (deg);SD;room (°C);year\n"
+    text += "".join(f"{k};{k};{a};0.5;{room};{year}\n" for k, (a, room, year) in enumerate(rows))
     (told,) = (line for line in measured(tmp_path, text)[1] if line.startswith("not used"))
     assert "'room (°C)' (it is not known in every row)" in told
-    assert "'year' (it counts rows or years)" in told
+    assert "'year' (it counts rows or years), '' (it counts rows or years)" in told
 
 
 LONE = "{};u*t (m/s);SD;n\n"
