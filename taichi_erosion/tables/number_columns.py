@@ -187,13 +187,15 @@ def differs_at_equal_values(column: Floats, other: Floats) -> bool:
 
 
 def differs_between_groups(values: Floats, rest: Floats) -> bool:
-    """Whether values differ within most groups of repeats, and are the same set in few pairs of these.
+    """Whether values differ within most groups of repeats, are the same set in few pairs of these, and are
+    more than one group has.
 
-    A factor of a design has the same levels in each group.
+    A factor of a design has the same levels in each group, or nearly all in one.
     """
     groups = [tuple(np.unique(values[rest == each])) for each in np.unique(rest)]
     sets = [levels for levels in groups if len(levels) > 1]
-    return len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
+    differ = len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
+    return differ and np.unique(values).size > 1 + max(map(len, sets))
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:

@@ -40,7 +40,7 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
         (HEAD, "heap.csv: has a heading but no measurement"),
         (GOOD.replace("33.5", "nan"), "heap.csv: row 2, value = 'nan' must be a number (a measured one also"),
         (GOOD.replace("33.5", "1e999"), "heap.csv: row 2, value = '1e999' must be a finite number"),
-        (GOOD.replace("0.7", "0"), "heap.csv: row 2, sd = '0' must be above 0; leave it empty"),
+        (GOOD.replace("0.7", "-0.7"), "heap.csv: row 2, sd = '-0.7' must be above 0; leave it empty"),
         (GOOD.replace("deg", "grad"), "heap.csv: row 2, unit = 'grad' is not known; degrees are written deg"),
         (GOOD.replace("deg", "angle"), "heap.csv: row 2, unit = 'angle' is not known; allowed: 1, %, deg"),
         (GOOD.replace("[%]", "[wet]"), "heap.csv: heading 'moisture [wet]': unknown unit; allowed: 1"),

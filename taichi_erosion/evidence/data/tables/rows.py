@@ -185,6 +185,8 @@ def table_from_cells(
     rows = [row for line, row in cells.lines for row in reader.rows_of_line(line, row)]
     words = [each for each in reader.columns_with("remark") if reader.tidy and each.title not in ROLES]
     notes = [f"not used: '{each.heading.text}'" for each in words]
+    if reader.exact:
+        notes.append(f"a scatter of 0 counts as not stated, in {row_list_text(reader.exact)}")
     faults += reader.cell_faults()
     if options is not None and options.complete:
         rows = drop_rows_lacking_conditions(reader, rows, options.titles.values(), notes)
@@ -241,6 +243,7 @@ class RowReader:
     faults: list[str]
     wrong: dict[tuple[int, str], list[str]] = field(default_factory=dict)  # cells by column and reason
     classes: set[str] = field(default_factory=set)  # conditions of which ranges are stated
+    exact: list[int] = field(default_factory=list)  # lines with a scatter of 0
 
     @property
     def tidy(self) -> bool:
@@ -303,10 +306,11 @@ class RowReader:
         counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
-        if sd == 0.0 or sd > MOST_SCATTER * abs(cell.value) > 0.0:
-            words = f"has a scatter of {abs(sd):g}: leave it away where it is not known"
-            self.add_fault(line, column, row, words)
-        if isnan(sd):  # what the user states
+        if sd > MOST_SCATTER * abs(cell.value) > 0.0:
+            self.add_fault(line, column, row, f"has a scatter of {sd:g}: leave it away where it is not known")
+        if sd == 0.0:  # of a few repeats that differ by less than a digit
+            self.exact.append(line)
+        if isnan(sd or nan):  # what the user states
             sd = column.cv * abs(cell.value) or nan
             sd = sd if isnan(column.sd) else column.sd * self.column_unit_factor(line, row, column)
         values = {"observable": name, "value": cell.value, "censored": cell.reach != 0.0, "reach": cell.reach}
@@ -371,7 +375,7 @@ class RowReader:
     def read_positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
         """A number that is not negative; NaN, and a fault, for another one."""
         number = self.read_number(line, row, column, unit=unit).value
-        if number < 0.0 or (number == 0.0 and column.role in ("sd", "se")):
+        if number < 0.0:
             self.add_fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
         return number

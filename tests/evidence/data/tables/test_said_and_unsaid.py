@@ -199,8 +199,9 @@ def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_belo
     rows = "".join(f"{k};{'abc'[k // 2]};{k % 2};{30 + k};0.4\n" for k in range(6))
     found, _ = measured(tmp_path, f"Sample no.;Mulch;moisture (%);angle of repose (deg);sd\n{rows}")
     assert {*found.group} == {*"abc"}
-    with pytest.raises(BadInput, match=r"row 2, .*= '31.0 ± 0.0' has a scatter of 0"):
-        measured(tmp_path, "moisture (%);angle of repose (deg)\n1;31.0 ± 0.0\n2;33.0 ± 0.4\n")
+    found, assumed = measured(tmp_path, "moisture (%);angle of repose (deg)\n1;31.0 ± 0.0\n2;33.0 ± 0.4\n")
+    assert found.sd == pytest.approx([np.nan, 0.4], nan_ok=True)
+    assert "a scatter of 0 counts as not stated, in row 2" in assumed
 
 
 def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(tmp_path):
@@ -593,6 +594,10 @@ def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_non
     blocks = [angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * (w % 2)) for b in range(3) for w in range(6)]
     few = "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""])
     assert [*measured(tmp_path, few, "few.csv")[0].conditions] == ["moisture"]
+    crossed = [(0, 3), (0, 12), (1, 3), (2, 0), (2, 12), (3, 0), (3, 3), (3, 12), (4, 0)]  # in parts
+    rows = [f"{w};{c};{30 + w + k % 2};0.5" for k, (w, c) in enumerate(crossed)]
+    clay = "\n".join(["moisture (%);clay (%);angle of repose (deg);SD", *rows, ""])
+    assert "clay_fraction" in measured(tmp_path, clay, "clay.csv")[0].conditions
     rows = [f"{'AB'[k % 2]};{500 * k};{0.25 + 0.01 * k:.3f};0.01;3" for k in range(8)]
     heights = "\n".join(["operator;altitude (m);u*t (m/s);SD;n", *rows, ""])
     assert "altitude" in measured(tmp_path, heights, "h.csv", diameter="0.2 mm")[0].conditions
