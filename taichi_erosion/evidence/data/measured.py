@@ -41,6 +41,7 @@ from taichi_erosion.scene.schema.units import (
 )
 from taichi_erosion.tables.cell_numbers import days_since_first
 from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, read_heading
+from taichi_erosion.tables.number_columns import stem
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
@@ -109,10 +110,11 @@ def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
 
 
 def dates_as_days(cells: Cells, interview: Interview) -> Cells:
-    """The cells; dates are days, a condition, where a column states the scatter: readings may drift."""
+    """The cells; dates are days, a condition, where rows have a scatter or repeats: readings may drift."""
     columns = list(map(list, zip(*(row for _, row in cells.rows), strict=True)))
     roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
-    for column in columns if roles & {*SCATTER} else ():
+    has_scatter = roles & {*SCATTER} or len({*map(stem, cells.heading)}) < len(cells.heading)
+    for column in columns if has_scatter or any("±" in cell for each in columns for cell in each) else ():
         heading = read_heading(column[0])  # one of numbers has some that a spreadsheet changed
         is_number = heading.unit or meaning_of(heading.name)[0] in KINDS.values()
         if not is_number and max(days := days_since_first(column[1:]), default=0):
