@@ -110,9 +110,10 @@ def understand_columns(
     columns = join_repeat_columns(settle_columns(columns, reading, measures), reading)
     columns = drop_row_numbers(columns, reading)
     columns = rename_unread_conditions(list(drop_unusable_columns(columns, reading)), reading)
-    for column in (each for each in columns if each.unclear):
+    unclear = {stem(each.unclear): each for each in columns[::-1] if each.unclear}  # of repeats the first
+    for words, column in reversed(unclear.items()):
         read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
-        interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
+        interview.assume(f"{read_as}; check '{words}' in its heading")
     columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
         names = ", ".join(options.measures or options.observables) or "its own"
