@@ -31,7 +31,7 @@ NEAR = 0.8  # similarity of two words from which one may be the other misspelt [
 COMPOUND = 5  # letters of a word that may be the part of a compound
 # of words for what is measured or set
 KINDS: dict[str, Role] = {"observables": "observable", "halved": "observable", "conditions": "condition"}
-AS_WRITTEN = ("units", "evident", "symbols", "remedies", "sieves", "conversions")  # no plain words
+AS_WRITTEN = ("units", "suffixes", "evident", "symbols", "remedies", "sieves", "conversions")  # as they are
 
 BRACKETS = re.compile(r"\[(?P<square>[^\[\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\)")
 BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
@@ -83,6 +83,8 @@ class Heading:
 
 def read_heading(text: str) -> Heading:
     """Name and unit of a heading; words in brackets stay in the name."""
+    if not re.search(r"[\s()\[\]]", text) and (parts := name_and_unit_suffix(text)):
+        return add_number_law(Heading(text, *parts))
     count = COUNT.search(text)
     rest = EMPTY.sub(" ", text[: count.start()] + text[count.end() :]).strip() if count else ""
     if count and rest:
@@ -102,6 +104,20 @@ def read_heading(text: str) -> Heading:
         bare = f"{words} {remarks}" if unit else text
         unit = unit or ("%" if PERCENT.search(text) else "")
     return add_number_law(Heading(text, " ".join(bare.split()) or text, unit, "" if unit else unreadable))
+
+
+def name_and_unit_suffix(text: str) -> tuple[str, str] | None:
+    """Name and unit of `d50_um`, of R's `d50..um.`, of the repeat `angle_deg_1`; None where none is last.
+
+    `m` is a unit behind the name of a condition alone, `fetch_m`; `flux_10_cm` states a height.
+    """
+    suffixes = [(word, unit) for unit, words in known_words()["suffixes"].items() for word in words]
+    for word, unit in sorted(suffixes, key=lambda each: -len(each[0])):
+        parts = re.fullmatch(rf"(?i)(.+?)[._]+{word.replace('_', '[._]')}([._]\d+)?\.*", text)
+        is_height = parts and word in ("m", "cm", "mm") and re.search(r"[\W_]\d+$", parts[1])
+        if parts and not is_height and (word != "m" or meaning_of(parts[1])[0] == "condition"):
+            return parts[1] + (parts[2] or ""), unit
+    return None
 
 
 def unit_and_words(text: str) -> tuple[str, str]:

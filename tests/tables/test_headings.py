@@ -42,6 +42,11 @@ threshold_u_star: 临界剪切风速(m/s) -> m/s; Velocidade de cisalhamento lim
 conditions.relative_humidity: HR (%) -> %; r.F. (%) -> %; Humidité de l\u2019air (%) -> %
 conditions.clay_fraction: Ton (%) -> %; Taux d\u2019argile (%) -> %; 粘土含量(%) -> %
 materials.soil.density: Densidade dos grãos (kg/m3) -> kg/m3; Densité réelle (g/cm³) -> g/cm³
+grains.size.diameter: d50_um -> um; D50..mm. -> mm; d_mm -> mm
+threshold_u_star: u_star_t_m_s -> m/s; Threshold.friction.velocity..cm.s. -> cm/s
+repose_angle: repose_angle_deg_2 -> deg
+conditions.moisture: moisture.content..pct. -> %; w_g_g -> g/g
+conditions.fetch: fetch_m -> m
 """  # meaning: heading -> unit; ...
 CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
