@@ -68,7 +68,8 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
 
     Latin letters lose their accents, a Greek letter that stands alone is called by its name.
     """
-    text = heading.lower().replace("ß", "ss").replace("<", " below ").replace(">", " above ")
+    text = re.sub(r"\bu\*", "u_star ", heading.lower().replace("ß", "ss"))
+    text = text.replace("<", " below ").replace(">", " above ")
     bare = re.sub(r"(?<=[a-z])[\u0300-\u036f]+", "", unicodedata.normalize("NFKD", text))
     symbol = re.compile(r"(?<![α-ω\u0301])[α-ω](?![α-ω\u0301])")
     micro = re.sub("μ(?=[a-z])", "u", bare)  # of `µm`

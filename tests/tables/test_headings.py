@@ -105,7 +105,7 @@ def test_a_column_has_a_name_that_its_owner_knows_again():
     names = {"Γ": "gamma", "< 63 µm (%)": "below_63_um", "植被盖度": "植被盖度", "Плотность": "плотность"}
     names |= {"Υγρασία": "υγρασία", "मिट्टी": "मिट्टी", "Grün-Anteil": "grun_anteil", "10 min": "column_10_min"}
     names |= dict.fromkeys(["θ (m3/m3)", "theta_volumetric [m3/m3]"], "theta_volumetric")
-    names["MgCl2·6H2O (g/m2)"] = "mgcl2_6h2o"
+    names |= {"MgCl2·6H2O (g/m2)": "mgcl2_6h2o", "u* (m/s)": "u_star"}
     assert {heading: own_name(read_heading(heading).name, [], 2) for heading in names} == names
 
 
