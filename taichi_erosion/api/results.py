@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from taichi_erosion.evidence.answers.files import Reply
-    from taichi_erosion.evidence.answers.predictions import PredictionReply
     from taichi_erosion.evidence.record import LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
@@ -86,7 +85,7 @@ class RaceResult(Result):
     @property
     def units(self) -> TableUnits:
         """Units in which the study's table has values and conditions."""
-        return self.reply.vocabulary().units
+        return self.reply.units
 
     @property
     def rows(self) -> pd.DataFrame:
@@ -254,9 +253,9 @@ class PredictionResult(Result):
         return prediction_table(self.reply)
 
 
-def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
+def prediction_table(reply: "Reply") -> pd.DataFrame:
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
-    units = reply.table_units
+    units = reply.units
     rows = (
         {"observable": row.observable, **({"group": row.group} if row.group else {})}
         | {heading(name, unit): row.conditions[name] for name, unit in row.condition_units.items()}

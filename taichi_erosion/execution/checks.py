@@ -167,7 +167,7 @@ def situation_of_measurement(scene: Scene | AirScene) -> list[Any]:
         return [scene.conditions, scene.air.model_dump(include=set(OF_BOX))]
     wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
     winds = [(each.friction_velocity, each.through_flow) for each in scene.stages]
-    grains, tunnel = scene.grains.model_copy(update={"count": 1}), scene.threshold.tunnel_ratio
+    grains, tunnel = scene.grains.model_copy(update={"count": 1}), scene.threshold.speed_ratio
     return [scene.conditions, scene.gravity, wind, winds, grains, tunnel]
 
 

@@ -76,7 +76,7 @@ class MeasureInput:
     def wind_tunnel(self) -> threshold.Tunnel:
         """The tunnel in which the patch lies."""
         patch, search = self.wind_patch, self.scene.threshold
-        return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.tunnel_ratio)
+        return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.speed_ratio)
 
     @property
     def plate_under_heap(self) -> Wall | None:

@@ -14,7 +14,6 @@ from typing import Any
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply, with_adoption
-from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
@@ -81,7 +80,7 @@ def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
     stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))  # the adopted one first
-    stored = (read_prediction(folder_of(study), stem) for stem in stems)
+    stored = (read_reply(folder_of(study), stem, "predict") for stem in stems)
     for answers in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
         answer = answers.answer()
         tables = [answer.table] if answer.table else []

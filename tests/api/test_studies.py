@@ -114,7 +114,7 @@ def test_wrong_input_raises_one_kind_of_error(tmp_path):
 
 
 def test_the_curve_of_something_unlisted_is_a_table_in_the_units_of_the_study():
-    found = DiscoveryResult(Path("lab.toml"), SimpleNamespace(record=curved, vocabulary=lambda: VOC)).curves
+    found = DiscoveryResult(Path("lab.toml"), SimpleNamespace(record=curved, units=VOC.units)).curves
     assert list(found["condition"].unique()) == ["moisture [%]"]
     assert found["at"].to_list() == pytest.approx([0.0, 2.0, 5.0])
     assert found["value"].to_list() == [0.0, 9.1, 3.2]

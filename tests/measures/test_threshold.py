@@ -2,12 +2,11 @@
 
 import csv
 from dataclasses import replace
-from math import hypot, log
+from math import hypot
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 from scipy.stats import t as student
 
 from taichi_erosion.measures.threshold import (
@@ -22,7 +21,6 @@ from taichi_erosion.measures.threshold import (
     threshold_from_line,
     tunnel_speed,
 )
-from taichi_erosion.scene.schema.wind import Threshold
 
 
 def beds(thresholds: np.ndarray, width: float, seed: int = 0):
@@ -134,14 +132,3 @@ def test_a_tunnel_of_ones_own_needs_no_map():
     found = tunnel_speed("threshold_wind_speed", Bracket(0.24, 0.25), Tunnel(6.0, 0.25e-3, 1.5e-5, 0.048))
     assert (found.value, set(found.details)) == (pytest.approx(0.06**0.5 / 0.048), {"low", "high"})
     assert pool_beds([found, found]).notes == ()  # of the map
-
-
-def test_the_law_of_the_wall_gives_the_ratio_of_a_measured_profile():
-    heights = (0.002, 0.006, 0.02, 0.05, 0.3)
-    speeds = (*(0.3 / 0.4 * log(height / 1e-5) for height in heights[:-1]), 7.5)
-    assert Threshold(profile_heights=heights, profile_speeds=speeds).tunnel_ratio == pytest.approx(0.3 / 7.5)
-    assert Threshold().tunnel_ratio is None
-    wrong = ({"profile_heights": heights}, {"profile_heights": heights[::-1], "profile_speeds": speeds})
-    for entries in (*wrong, {"profile_heights": heights, "profile_speeds": speeds, "speed_ratio": 0.05}):
-        with pytest.raises(ValidationError, match="profile"):
-            Threshold(**entries)

@@ -22,9 +22,10 @@ repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
 threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
 conditions.fetch: Distance from leading edge (m) -> m; Field length (m) -> m
 conditions.moisture: Humidity of sand (%) -> %; moisture before the run (%) -> %; 试验前含水率 (%) -> %
-threshold_u_star: friction velocity at threshold (m/s) -> m/s
+threshold_u_star: friction velocity at threshold (m/s) -> m/s; Threshold friction velocity ->
+threshold_u_star: Grenzschubspannungsgeschwindigkeit ->
 threshold_u_star: u*tR (m/s) -> m/s; critical u*t (m/s) -> m/s; 临界起沙摩阻风速 (m/s) -> m/s
-conditions.friction_velocity: ust (m/s) -> m/s
+conditions.friction_velocity: ust (m/s) -> m/s; friction velocity ->
 conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moisture wt.% -> %
 conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water content (g 100 g-1) -> %
 conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
@@ -33,7 +34,7 @@ grains.size.diameter: Md (mm) -> mm
 conditions.width: cell thickness (mm) -> mm; Gap W (mm) -> mm
 conditions.roughness_length: aerodynamic roughness length z₀ (mm) -> mm
 conditions.spread: d90/d50 (-) -> 1
-conditions.relative_humidity: air humidity (%) -> %
+conditions.relative_humidity: air humidity (%) -> %; relative Luftfeuchte ->
 conditions.altitude: altitude (m a.s.l.) -> m
 conditions.air_density: air density (kg/m3) -> kg/m3
 dynamic_angle: Ángulo de reposo dinámico (°) -> °; Angle de repos dynamique (°) -> °
@@ -56,13 +57,22 @@ moisture at sampling (%); Water sprayed (%); Anfangsfeuchte (%); humedad inicial
 Moulding water content (%); Feuchte bei Krustenbildung (%); humidité avant séchage (%); 初始含水率 (%)
 u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
+ROLES = """
+n: Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Число повторностей
+n: replicates; Wdh.; Anzahl Wiederholungen
+sd: Desv. est.; é.-t.; Standardabw. [°]; Dev. st.; Odch. stand.; s.d.; 標準偏差
+sd: s; stdev; Standardabweichung; Standardabweichung Winkel
+se: Erreur standard; 標準誤差; SEM; Standardfehler
+spread: +-
+remark: Notas; Obs.; 日期; Hinweis; Comentário; Anm.
+"""
 UNKNOWN = """
 Number of passes; No. of wet-dry cycles; Anzahl Überfahrten; Cycles (n); 碾压次数
 funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g)
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
 days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
 months after inoculation; Layer No; Tapping number; Gravel diameter (mm); Snow density (kg/m3)
-Moisture of straw (%)
+Moisture of straw (%); Farbe
 """
 
 
@@ -109,13 +119,10 @@ def test_a_column_has_a_name_that_its_owner_knows_again():
     assert {heading: own_name(read_heading(heading).name, [], 2) for heading in names} == names
 
 
-def test_counts_scatter_and_remarks_are_known_in_their_languages():
-    words = {"n": "Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Число повторностей"}
-    words |= {"sd": "Desv. est.; é.-t.; Standardabw. [°]; Dev. st.; Odch. stand.; s.d.; 標準偏差"}
-    words |= {"se": "Erreur standard; 標準誤差"}
-    words |= {"remark": "Notas; Obs.; 日期; Hinweis; Comentário; Anm."}
-    roles = {r: {meaning_of(read_heading(text).name)[0] for text in headings(words[r])} for r in words}
-    assert roles == {role: {role} for role in words}
+@pytest.mark.parametrize("line", ROLES.strip().splitlines())
+def test_counts_scatter_and_remarks_are_known_in_their_languages(line):
+    role, _, listed = line.partition(": ")
+    assert {meaning_of(read_heading(text).name)[0] for text in headings(listed)} == {role}
 
 
 def test_words_that_change_nothing_and_are_not_known_are_told():
@@ -169,8 +176,17 @@ def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, mea
         ("fetch / m", "fetch", "m", 0),
         ("percent slope", "percent slope", "deg", 0),  # its numbers are turned
         ("percentile d50", "percentile d50", "", 0),
+        ("flux [g/(m s)]", "flux", "g/(m s)", 0),
+        ("Wassergehalt (Gew.-%)", "Wassergehalt", "%", 0),
+        ("Schüttwinkel (Mittelwert) [°]", "Schüttwinkel (Mittelwert)", "°", 0),
+        ("d / mm", "d", "mm", 0),
+        ("Diameter, µm", "Diameter", "µm", 0),
+        ("Winkel °", "Winkel", "°", 0),
+        ("T (C)", "T", "degC", 0),
+        ("Versuch (neu)", "Versuch (neu)", "", 0),
+        ("u*t", "u*t", "", 0),
     ],
 )
-def test_a_count_of_repeats_and_a_percentage_are_read_wherever_they_stand(text, name, unit, repeats):
+def test_name_unit_and_count_of_repeats_are_read_wherever_they_stand(text, name, unit, repeats):
     heading = read_heading(text)
     assert (heading.name, heading.unit, heading.unreadable, heading.repeats) == (name, unit, "", repeats)

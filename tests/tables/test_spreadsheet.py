@@ -7,6 +7,8 @@ import pytest
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, with_one_heading
 
+UNCERTAIN = "2·103|~5|ca. 5|(5)|5?|10^|12-3-2020|25..20|1.250,5|1,2,3|steil|12. Mrz|31.2 (0.8)|#N/A|3 ± 10 %"
+
 
 @pytest.mark.parametrize(
     ("cell", "value", "reach", "unit"),
@@ -23,17 +25,32 @@ from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, with_one
         *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13", "13.00-14.0")),
         *((text, 0.34, 0.09, "mm") for text in ("0.43-0.25 mm", "0.43 mm - 0.25 mm")),
         ("1e-5-3e-5", 2e-5, 1e-5, ""),
+        ("2 %", 2.0, 0.0, "%"),
+        (">40", 40.0, inf, ""),
+        ("1 250 µm", 1250.0, 0.0, "µm"),
+        ("\N{MINUS SIGN}5", -5.0, 0.0, ""),
+        ("1,5e-3", 1.5e-3, 0.0, ""),
+        ("٣١", 31.0, 0.0, ""),
+        ("20,5 bis 25 deg", 22.75, 2.25, "deg"),
+        ("k.A.", nan, 0.0, ""),
     ],
 )
 def test_a_number_has_its_value_however_it_is_written(cell, value, reach, unit):
-    found = read_cell(" ".join(cell.split()), comma=False)
-    assert (found.value, found.reach, found.unit) == (pytest.approx(value), pytest.approx(reach), unit)
+    found = read_cell(" ".join(cell.split()), comma="," in cell)
+    assert (found.value, found.reach, found.sd) == pytest.approx((value, reach, nan), nan_ok=True)
+    assert found.unit == unit
 
 
-@pytest.mark.parametrize("cell", ["2·103", "~5", "ca. 5", "(5)", "5?", "10^", "12-3-2020"])
-def test_what_is_not_certain_is_refused(cell):
+def test_the_scatter_behind_a_number_is_read_with_it():
+    found = read_cell("31,2 +/- 0,8 °", comma=True)
+    assert (found.value, found.reach, found.sd, found.unit) == (31.2, 0.0, 0.8, "°")
+
+
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("cell", UNCERTAIN.split("|"))
+def test_what_has_two_readings_or_is_no_number_is_refused(cell, comma):
     with pytest.raises(CellFault):
-        read_cell(cell, comma=False)
+        read_cell(cell, comma)
 
 
 def test_an_interval_is_a_single_number_where_its_middle_is_asked_for():

@@ -22,7 +22,7 @@ from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.adopted_files import adopted_study_path
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.record import FitPart, Record
+from taichi_erosion.evidence.record import FitPart, PredictionPart, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import naming_lowers_misfit
@@ -34,9 +34,9 @@ Document = dict[str, Any]
 FORMAT = 5  # of documents: their keys are those of docs/json_and_python.md
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
-STORED = {"rows"}  # of a record: what figures are drawn from is not printed
+STORED = {"rows"}  # of a race: what figures are drawn from is not printed
 LIBRARIES = ("numpy", "scipy")
-RECORD = TypeAdapter(Record)
+RECORD, PREDICTION = TypeAdapter(Record), TypeAdapter(PredictionPart)
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,19 @@ class Reply:
 
     command: Command
     about: Document  # study, table, versions, faults of the set-up, files written
-    record: Record
+    record: Any  # PredictionPart of `predict`, Record of the others
     posterior: Posterior | None = field(default=None, compare=False)  # of a new answer; it is not stored
 
     @property
     def document(self) -> Document:
         """What `--json` prints."""
-        return self.about | RECORD.dump_python(self.record, mode="json", exclude=STORED)
+        hidden = set() if self.command == "predict" else STORED
+        return self.about | record_type(self.command).dump_python(self.record, mode="json", exclude=hidden)
+
+    @property
+    def units(self) -> TableUnits:
+        """Units of the study's table."""
+        return TableUnits.of(self.about)
 
     def vocabulary(self, *options: str, call: Callable[..., str] = shell_command) -> Vocabulary:
         """Names and units of the study, and its commands as the user gives them, with further options.
@@ -69,12 +75,18 @@ class Reply:
         titles |= effect_titles(map(Path, about["effect_files"]))
         words = titles, {name: row[DOSE][-1] for name, row in rows.items()}
         results = str(answer_file(Path(about["results"]), Path(about["study"]).stem, "discover"))
-        units = TableUnits.of(about)
-        return Vocabulary(about["study"], command_with_options, units, *words, results, adopted_path)
+        return Vocabulary(about["study"], command_with_options, self.units, *words, results, adopted_path)
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
         """Sentences and table."""
+        if self.command == "predict":
+            return lines.prediction_answer(self.record, self.about, self.units)
         return lines.ANSWERS[self.command](self.record, self.vocabulary(*options, call=call))
+
+
+def record_type(command: Command) -> TypeAdapter[Any]:
+    """Record of the answers of a command."""
+    return PREDICTION if command == "predict" else RECORD
 
 
 def study_fields(study: Study) -> Document:
@@ -119,7 +131,7 @@ def answer_file(folder: Path, stem: str, command: Command) -> Path:
 
 def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
     """Store an answer in place of an earlier one."""
-    whole = reply.about | RECORD.dump_python(reply.record, mode="json")
+    whole = reply.about | record_type(reply.command).dump_python(reply.record, mode="json")
     write_document(answer_file(folder, stem, reply.command), whole)
     return reply
 
@@ -135,7 +147,7 @@ def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
     if document is None or document.get("format") != FORMAT:
         return None
     try:
-        record = RECORD.validate_python(document)
+        record = record_type(command).validate_python(document)
     except ValidationError:
         raise BadInput(f"{answer_file(folder, stem, command)}: holds no result; ask again") from None
     about = {key: value for key, value in document.items() if not hasattr(record, key)}

@@ -6,23 +6,21 @@ simulated at conditions that are new to their emulator.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from math import nan
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from pydantic import TypeAdapter
 from scipy import special
 
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.commands import bare as without_candidates
 from taichi_erosion.evidence.answers.commands import common_answer_fields, open_study
-from taichi_erosion.evidence.answers.files import Document
+from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.answers.rounds import Question, answer_question, plans_to_try
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, count_opening, read_openings, vault_openings
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, pick_rows
-from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, condition_units, read_new_conditions
@@ -31,49 +29,16 @@ from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.record import CheckPart, PredictedPart, PredictionPart
-from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
 from taichi_erosion.evidence.words.part_words import naming_lowers_misfit
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
-RECORD = TypeAdapter(PredictionPart)
 ROW_WISE = ("observable", "conditions", "group")  # of new conditions, as the race takes them
-
-
-@dataclass(frozen=True)
-class PredictionReply:
-    """An answer of `predict`: its record, and what it is about."""
-
-    about: Document
-    record: PredictionPart
-
-    @property
-    def document(self) -> Document:
-        """What `--json` prints."""
-        return self.about | RECORD.dump_python(self.record, mode="json")
-
-    @property
-    def table_units(self) -> TableUnits:
-        """Units of the study's table."""
-        return TableUnits.of(self.about)
-
-    def answer(self) -> Answer:
-        """Sentences and table."""
-        return prediction_answer(self.record, self.about, self.table_units)
-
-
-def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
-    """The last predictions of a study; None if there are none in this format."""
-    document = files.read_document(files.answer_file(folder, stem, "predict"))
-    if document is None or document.get("format") != files.FORMAT:
-        return None
-    record = RECORD.validate_python(document)
-    return PredictionReply({key: each for key, each in document.items() if not hasattr(record, key)}, record)
 
 
 def predict_study(
     path: Path, at: Path, progress: Progress, options: StudyOptions = NO_OPTIONS, bare: bool = False
-) -> PredictionReply:
+) -> Reply:
     """What the calibrated model of a study says at the conditions of a table.
 
     Where effects have been adopted, the adopted model answers, unless `bare`. Rows of a vault that has been
@@ -101,9 +66,8 @@ def predict_study(
             count = count_opening(study.results, study.vault_digest, name)
         about = common_answer_fields(ready, inference) | {"at": new.file, "vault_opened": count}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
-        reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
-        files.write_document(files.answer_file(study.results, study.path.stem, "predict"), reply.document)
-        return reply
+        reply = Reply("predict", about | {"wall_s": perf_counter() - start}, record)
+        return files.write_reply(study.results, study.path.stem, reply)
 
 
 def latest_adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path, tuple[str, ...]]:

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
-from typing import Protocol
 
 from taichi_erosion.campaign.study_file import value_at_keys, with_entry
 from taichi_erosion.core.effect_file import EffectFile, effect_in
@@ -19,20 +18,10 @@ from taichi_erosion.core.files import mark_toml, refuse_foreign_file, remove_mar
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import refusal_of_number
+from taichi_erosion.evidence.record import Interval
 from taichi_erosion.execution.checks import read_scene, scene_effect_files
 from taichi_erosion.scene.load import read_text_of_file
 from taichi_erosion.tables.number_words import round_number
-
-
-class Estimate(Protocol):
-    """A number with its 90 % interval."""
-
-    @property
-    def value(self) -> float: ...
-    @property
-    def low(self) -> float: ...
-    @property
-    def high(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -40,8 +29,8 @@ class Adoption:
     """What an adoption states: new effects, strengths of all that act, calibrated numbers by path."""
 
     effects: Sequence[str]
-    strengths: Mapping[str, Estimate]
-    numbers: Mapping[str, Estimate]
+    strengths: Mapping[str, Interval]
+    numbers: Mapping[str, Interval]
 
 
 def adopted_study_path(study: Path, effects: Sequence[str]) -> Path:
@@ -116,7 +105,7 @@ def write_adopted_scene(
     return write_atomic(path, mark_toml(path, study.path, text))
 
 
-def with_estimate(text: str, keys: tuple[str, ...], number: Estimate) -> str:
+def with_estimate(text: str, keys: tuple[str, ...], number: Interval) -> str:
     """A TOML text with a calibrated number, and its 90 % interval in a comment beside it."""
     comment = f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
     return with_entry(text, keys, round_number(number.value), comment)

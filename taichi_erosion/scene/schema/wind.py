@@ -1,8 +1,5 @@
 """Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
-from itertools import pairwise
-from math import log
-from statistics import linear_regression
 from typing import Literal
 
 from pydantic import model_validator
@@ -15,8 +12,6 @@ Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
 COLUMNS_LEAST = 4  # in each direction of a grid: fewer carry no wave
 LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind [s]
-LEAST_HEIGHTS = 4  # of a profile: three below the free stream
-KARMAN = 0.4  # von Karman's constant [1]
 FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
 
 
@@ -78,7 +73,7 @@ class Threshold(Section):
     without landings the wind alone is counted.
     """
 
-    later = ("steady_air", "landings", "profile_heights", "profile_speeds")
+    later = ("steady_air", "landings")
 
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
@@ -105,27 +100,3 @@ class Threshold(Section):
     speed_ratio: float | None = number(
         None, "1", "u*/U of a tunnel of one's own, in place of the built-in map", 1e-3, 0.5
     )
-    profile_heights: tuple[float, ...] = number(
-        (), "m", "heights over the bed of its wind profile, upwards, the last in the free stream", 0.0, 1e4
-    )
-    profile_speeds: tuple[float, ...] = number((), "m s-1", "wind speeds there, for u*/U", 0.0, 1e3)
-
-    @model_validator(mode="after")
-    def _require_one_tunnel_map(self) -> "Threshold":
-        heights, speeds = self.profile_heights, self.profile_speeds
-        grow = (low < high for each in (heights, speeds[:-1]) for low, high in pairwise((0.0, *each)))
-        if len(heights) != len(speeds) or 0 < len(heights) < LEAST_HEIGHTS or not all(grow):
-            raise contradiction(
-                f"profile_heights and profile_speeds: {LEAST_HEIGHTS} or more pairs that grow upwards"
-            )
-        if heights and self.speed_ratio is not None:
-            raise contradiction("speed_ratio and a profile state the same; leave one out")
-        return self
-
-    @property
-    def tunnel_ratio(self) -> float | None:
-        """u*/U as stated, or by the law of the wall below the last height, u* = 0.4 du / dln z."""
-        if not self.profile_heights:
-            return self.speed_ratio
-        ln, speed = [log(height) for height in self.profile_heights[:-1]], self.profile_speeds[:-1]
-        return KARMAN * linear_regression(ln, speed).slope / self.profile_speeds[-1]

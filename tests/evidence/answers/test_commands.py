@@ -44,14 +44,13 @@ def test_a_reply_is_read_as_it_was_stored(wet, replies, command: Command):
     json.dumps(found.document, allow_nan=False)
 
 
-def test_a_stored_reply_that_is_damaged_is_told(tmp_path, wet, replies):
-    file = answer_file(tmp_path, wet.stem, "compare")
-    file.write_text(json.dumps(replies["compare"].document | {"record": {}}), encoding="utf-8")
-    with pytest.raises(BadInput, match="holds no result"):
-        read_reply(tmp_path, wet.stem, "compare")
-    file.write_text("{", encoding="utf-8")
-    with pytest.raises(BadInput, match="cannot be read"):
-        read_reply(tmp_path, wet.stem, "compare")
+@pytest.mark.parametrize("command", ["compare", "predict"])
+def test_a_stored_reply_that_is_damaged_is_told(tmp_path, wet, replies, command: Command):
+    printed = json.dumps(replies["compare"].document)  # without the rows
+    for damaged, told in ((printed, "holds no result"), ("{", "cannot be read")):
+        answer_file(tmp_path, wet.stem, command).write_text(damaged, encoding="utf-8")
+        with pytest.raises(BadInput, match=told):
+            read_reply(tmp_path, wet.stem, command)
 
 
 def test_the_vault_is_opened_by_adopt_alone_and_counted(replies):

@@ -10,7 +10,8 @@ from scipy.special import ndtr
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
-from taichi_erosion.evidence.answers.predictions import predict_new_rows, predict_study, read_prediction
+from taichi_erosion.evidence.answers.files import read_reply
+from taichi_erosion.evidence.answers.predictions import predict_new_rows, predict_study
 from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
@@ -61,15 +62,14 @@ def asked(study: Path, **words):
 
 def test_the_adopted_model_answers_until_the_table_changes(study):
     before = asked(study)
-    assert before.about["adopted"] == []
-    assert before.record.held_out is None
+    assert (before.about["adopted"], before.record.held_out) == ([], None)
     assert any("stay unseen for `adopt`" in line for line in before.answer().lines)
     adopt_study(study, ["liquid_bridge"], no_progress)
     after = asked(study)
     assert after.about["adopted"] == ["liquid_bridge"]
     assert 0 < after.record.held_out.n < 2 * after.record.held_out.inside
     assert [asked(study).about["vault_opened"] for _ in range(2)] == [2, 2], "one opening for one model"
-    assert read_prediction(Path(after.about["results"]), Path(after.about["study"]).stem) is not None
+    assert read_reply(Path(after.about["results"]), Path(after.about["study"]).stem, "predict") is not None
     assert asked(study, bare=True).about["adopted"] == []
     rows = [[r for r in each.record.rows if r.observable == "threshold_u_star"] for each in (before, after)]
     dry, wet = rows[0][1], rows[1][1]
@@ -81,7 +81,7 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     found = asked(study)
     assert found.record.outdated == ("liquid_bridge",)
     assert any(line.startswith("Left out: liquid_bridge, adopted before") for line in found.answer().lines)
-    assert read_prediction(Path(found.about["results"]), study.stem) == found, "as it was given"
+    assert read_reply(Path(found.about["results"]), study.stem, "predict") == found, "as it was given"
     assert len(found.answer().lines) <= 8
 
 

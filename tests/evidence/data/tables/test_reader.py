@@ -11,8 +11,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, read_laboratory_table, table_options
 from taichi_erosion.evidence.data.tables.column_roles import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
-from taichi_erosion.tables.cell_numbers import CellFault, read_cell
-from taichi_erosion.tables.headings import meaning_of, read_heading
 
 GERMAN = "Korngröße [µm];Wassergehalt in %;Böschungswinkel (°)\n250;1,6;33,5\n500;0,5;31,2\n"
 RUSSIAN = (
@@ -224,67 +222,3 @@ def test_a_cross_table_is_not_read_as_repeats(tmp_path, heading):
     with pytest.raises(BadInput) as caught:
         read(tmp_path, heading + INSIDE)
     assert any("of a cross table write one row for every" in fault for fault in caught.value.faults)
-
-
-@pytest.mark.parametrize(
-    ("cell", "value", "reach", "sd", "unit"),
-    [
-        ("31,2 +/- 0,8 °", 31.2, 0.0, 0.8, "°"),
-        ("2 %", 2.0, 0.0, nan, "%"),
-        (">40", 40.0, inf, nan, ""),
-        ("1 250 µm", 1250.0, 0.0, nan, "µm"),
-        ("\N{MINUS SIGN}5", -5.0, 0.0, nan, ""),
-        ("1,5e-3", 1.5e-3, 0.0, nan, ""),
-        ("٣١", 31.0, 0.0, nan, ""),
-        ("20,5 bis 25 deg", 22.75, 2.25, nan, "deg"),
-        ("k.A.", nan, 0.0, nan, ""),
-    ],
-)
-def test_a_number_is_read_as_laboratories_write_it(cell, value, reach, sd, unit):
-    found = read_cell(cell, comma=True)
-    assert (found.value, found.reach, found.sd) == pytest.approx((value, reach, sd), nan_ok=True)
-    assert found.unit == unit
-
-
-@pytest.mark.parametrize(
-    "cell", "25..20|1.250,5|1,2,3|steil|12. Mrz|31.2 (0.8)|~31|31?|ca. 31|#N/A|3 ± 10 %".split("|")
-)
-def test_what_has_two_readings_or_is_no_number_is_refused(cell):
-    with pytest.raises(CellFault):
-        read_cell(cell, comma=True)
-
-
-@pytest.mark.parametrize(
-    ("heading", "name", "unit"),
-    [
-        ("flux [g/(m s)]", "flux", "g/(m s)"),
-        ("Wassergehalt (Gew.-%)", "Wassergehalt", "%"),
-        ("Schüttwinkel (Mittelwert) [°]", "Schüttwinkel (Mittelwert)", "°"),
-        ("d / mm", "d", "mm"),
-        ("Diameter, µm", "Diameter", "µm"),
-        ("Winkel °", "Winkel", "°"),
-        ("T (C)", "T", "degC"),
-        ("Versuch (neu)", "Versuch (neu)", ""),
-        ("u*t", "u*t", ""),
-    ],
-)
-def test_a_heading_gives_name_and_unit(heading, name, unit):
-    found = read_heading(heading)
-    assert (found.name, found.unit) == (name, unit)
-
-
-@pytest.mark.parametrize(
-    ("heading", "meaning"),
-    [
-        ("relative Luftfeuchte", ("condition", "conditions.relative_humidity")),
-        ("Threshold friction velocity", ("observable", "threshold_u_star")),
-        ("Grenzschubspannungsgeschwindigkeit", ("observable", "threshold_u_star")),
-        ("friction velocity", ("condition", "conditions.friction_velocity")),
-        *((word, ("sd", "")) for word in ("s", "stdev", "Standardabweichung", "Standardabweichung Winkel")),
-        *(("Farbe", ("unknown", "")), ("+-", ("spread", ""))),
-        *((word, ("se", "")) for word in ("SEM", "Standardfehler")),
-        *((word, ("n", "")) for word in ("replicates", "Wdh.", "Anzahl Wiederholungen")),
-    ],
-)
-def test_the_longest_known_word_of_a_heading_counts(heading, meaning):
-    assert meaning_of(heading) == meaning
