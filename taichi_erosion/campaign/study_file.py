@@ -227,7 +227,7 @@ class StudyFile(Section):
     study: Head
     observables: dict[Name, ObservableEntry] = Field(min_length=1)
     conditions: dict[Name, str] = entry({}, "column of the table -> dotted path, or name")
-    columns: dict[str, Name] = entry({}, "heading of a laboratory's own table -> observable or condition")
+    columns: dict[str, Name] = entry({}, "heading of a table -> observable or condition, or 'note'")
     parameters: dict[str, ParameterEntry] = Field(default={}, max_length=SCREENED_MOST)
     adopted: dict[Name, AdoptedEntry] = entry({}, "effects that are in the model already")
     candidates: Candidates = Candidates()

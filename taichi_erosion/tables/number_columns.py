@@ -86,15 +86,18 @@ def non_conditions(
     conditions: NumbersByHeading,
     set_ups: Floats,
     names: Collection[str] = (),
+    has_scatter: bool = False,
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
     `results` are the measured quantities, `conditions` are others, `set_ups` name the set-up of each row,
-    `names` are the headings of known conditions, which are computed from no result or other condition.
+    `names` are the headings of known conditions, which are computed from no result or other condition; a row
+    that `has_scatter` of its own needs no other one as its repeat.
     """
     others, why = dict(conditions), dict[str, str]()
     for heading, values in sorted(columns.items(), key=lambda each: counts_rows(each[1])):  # these last
-        reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
+        known = others, value_set_numbers([set_ups]), has_scatter
+        reason = why_column_is_no_condition(heading, values, results, *known)
         if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT, COUNTS))):
             why[heading] = reason
         else:
@@ -103,7 +106,12 @@ def non_conditions(
 
 
 def why_column_is_no_condition(
-    heading: str, values: Floats, results: Sequence[Floats], others: NumbersByHeading, set_ups: Floats
+    heading: str,
+    values: Floats,
+    results: Sequence[Floats],
+    others: NumbersByHeading,
+    set_ups: Floats,
+    has_scatter: bool,
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
@@ -137,7 +145,8 @@ def why_column_is_no_condition(
     if same and not is_dose(heading):
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
-    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
+    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values())
+    is_repeated &= differs_between_groups(values, rest, 1 if has_scatter else -np.inf)
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
@@ -187,16 +196,16 @@ def differs_at_equal_values(column: Floats, other: Floats) -> bool:
     return np.unique(value_set_numbers([other, column])).size > np.unique(other).size
 
 
-def differs_between_groups(values: Floats, rest: Floats) -> bool:
-    """Whether values differ within most groups of repeats, are the same set in few pairs of these, and are
-    more than one group has.
+def differs_between_groups(values: Floats, rest: Floats, more: float = -np.inf) -> bool:
+    """Whether values differ within most groups of repeats, and are the same set in few pairs of these.
 
-    A factor of a design has the same levels in each group, or nearly all in one.
+    A factor of a design has the same levels in each group; one that is crossed in parts has in some group all
+    but at most one: it is kept where values have to be `more` than a group has.
     """
     groups = [tuple(np.unique(values[rest == each])) for each in np.unique(rest)]
     sets = [levels for levels in groups if len(levels) > 1]
     differ = len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
-    return differ and np.unique(values).size > 1 + max(map(len, sets))
+    return differ and np.unique(values).size > more + max(map(len, sets))
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:

@@ -138,7 +138,8 @@ def name_tidy_columns(cells: Cells) -> Cells:
     for each, column in zip(meanings, columns, strict=True) if "observable" not in plain else ():
         if {"observable", "condition"} <= {role for role, _ in each} and 2 * len({*column}) <= len(column):
             raise BadInput(f"{cells.file}: its quantities stand in rows, below '{column[0]}': {ONE_ROW}")
-    if not {"value", "unit"} <= {*plain} or len(long) != 1 or all(map(str.isidentifier, columns[long[0]])):
+    is_tidy = "observable" in plain and all(map(str.isidentifier, columns[plain.index("observable")]))
+    if not {"value", "unit"} <= {*plain} or len(long) != 1 or is_tidy:
         return cells
     for column, heading in zip(columns, map(read_heading, cells.heading), strict=True):
         (role, name), (kind, symbol) = meaning_of(heading.name), meaning_of_symbol(heading)

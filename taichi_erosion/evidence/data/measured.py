@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.tables.column_roles import AGREED, Column, Interview, TableOptions
+from taichi_erosion.evidence.data.tables.column_roles import AGREED, NOTE, Column, Interview, TableOptions
 from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
@@ -40,8 +40,7 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import days_since_first
-from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, read_heading
-from taichi_erosion.tables.number_columns import stem
+from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, meaning_of_symbol, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
@@ -110,19 +109,37 @@ def transpose_sideways_table(cells: Cells, interview: Interview) -> Cells:
 
 
 def dates_as_days(cells: Cells, interview: Interview) -> Cells:
-    """The cells; dates are days, a condition, where rows have a scatter or repeats: readings may drift."""
+    """The cells; dates are days, a condition: readings may drift. Not where repeats have several dates.
+
+    What a date does is then in their scatter, unless a row states its own.
+    """
     columns = list(map(list, zip(*(row for _, row in cells.rows), strict=True)))
     roles = {meaning_of(read_heading(text).name)[0] for text in cells.heading}
-    has_scatter = roles & {*SCATTER} or len({*map(stem, cells.heading)}) < len(cells.heading)
-    for column in columns if has_scatter or any("±" in cell for each in columns for cell in each) else ():
+    has_scatter = roles & ({*SCATTER} - {"n"}) or any("±" in cell for column in columns for cell in column)
+    for column in columns:
         heading = read_heading(column[0])  # one of numbers has some that a spreadsheet changed
         is_number = heading.unit or meaning_of(heading.name)[0] in KINDS.values()
         if not is_number and max(days := days_since_first(column[1:]), default=0):
+            if not has_scatter and have_repeats_several(column, columns):
+                interview.assume(f"not used: '{column[0]}' (repeats have several dates)")
+                break
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)
             break
     rows = zip(cells.rows, zip(*columns, strict=True), strict=True)
     return replace(cells, rows=tuple((line, row) for (line, _), row in rows))
+
+
+def have_repeats_several(column: Sequence[str], columns: Sequence[Sequence[str]]) -> bool:
+    """Whether rows that are alike in all known conditions, set-ups and sources have several values."""
+    known = list[Sequence[str]]()
+    for other in columns:
+        heading = read_heading(other[0])
+        roles = meaning_of(heading.name)[0], meaning_of_symbol(heading)[0]
+        labels = {"group", "source"} & {*roles} and len({*other}) < len(other)  # not numbers of samples
+        known += [other[1:]] if "condition" in roles or labels else []
+    rows = [*zip(*known, strict=True)] if known else [()] * (len(column) - 1)
+    return len({*zip(rows, column[1:], strict=True)}) > len({*rows})
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:
@@ -270,9 +287,9 @@ def unused_condition_faults(table: Table, file: StudyFile, rows: Sequence[Row]) 
     """Conditions that vary in the rows of a study, and that its model is not given."""
     for place, column in enumerate(table.conditions):
         values = {row.conditions[place] for row in rows if isfinite(row.conditions[place])}
-        if column not in file.conditions and len(values) > 1:
-            words = "varies and is not under [conditions]: add it there, or begin its heading with 'note'"
-            yield f"{table.file}: column '{column}' {words}"
+        if column not in file.conditions and len(values) > 1 and file.columns.get(column) != NOTE:
+            words = "varies and is not under [conditions]: add it there, or make the study anew;"
+            yield f"{table.file}: column '{column}' {words} [columns] {column} = '{NOTE}' leaves it out"
 
 
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:

@@ -155,7 +155,7 @@ def heading_faults(cells: Cells) -> Iterator[str]:
     for place, text in enumerate(cells.heading):
         where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
         content, numbers = [row[place] for _, row in cells.lines], [*map(str, range(len(cells.lines) + 1))]
-        is_index = content in (numbers[:-1], numbers[1:])  # of a data frame
+        is_index = sorted(content) in (sorted(numbers[:-1]), sorted(numbers[1:]))  # of a data frame
         if not text and any(content) and not is_index:
             yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
         elif text in first and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):

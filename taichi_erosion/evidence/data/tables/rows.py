@@ -127,12 +127,12 @@ def tidy_columns(cells: Cells) -> list[Column]:
         name = error["name"] if error else heading.name
         name = meaning_of(name)[1].rpartition(".")[2] if heading.law else name  # its numbers are turned
         name = name if NAME.fullmatch(name) else own_name(name, REQUIRED, place)
-        known = "note" if name.startswith("note_") else name
+        known = "note" if name.lower().startswith("note_") else name.lower()
         role: Role = "condition_sd" if error else ROLES.get(known, "condition")
         words = [row[place] for _, row in cells.lines if row[place]] if role == "condition" else []
         if words and not heading.unit and not any(map(is_quantity, words)):
             role = "remark"
-            if 1 < len({*words}) < len(words):
+            if 1 < len({*words}) < len(words) and meaning_of(heading.name)[0] != "remark":
                 faults.append(
                     f"{where}: its words recur: call it 'group' if they name set-ups, else 'note ...'"
                 )
