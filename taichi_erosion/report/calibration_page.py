@@ -96,7 +96,6 @@ def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
         at = np.array([(best["settings"][f.path] - f.centre) / f.half_range for f in fit.factors])
         yield f"effects_{name}", figures.effect_figure(analysed["responses"][name], analysed["kept"], unit)
         yield f"surface_{name}", figures.contour_figure(fit, names, unit, at, target.value)
-        yield f"hills_{name}", figures.surface_figure(fit, names, unit, at)
         yield f"perturbation_{name}", figures.perturbation_figure(fit, names, unit, at)
         yield f"fit_{name}", figures.fit_over_runs_figure(fit, unit)
         yield f"residuals_{name}", figures.residual_figure(fit, calibration.surface.design.run_order)

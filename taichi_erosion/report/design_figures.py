@@ -33,25 +33,6 @@ PANEL = (3.3, 0.9 * 3.3)  # in
 
 
 @page_style()
-def surface_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
-    """Fitted surface over every pair of factors."""
-    pairs = list(combinations(range(len(fit.factors)), 2))
-    figure, frames = panels(len(pairs), 3, PANEL, projection="3d")
-    for axes, (i, j) in zip(frames, pairs, strict=True):
-        across, up, height = response_grid(fit, i, j, at)
-        axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)
-        for side, factor in ((axes.xaxis, fit.factors[i]), (axes.yaxis, fit.factors[j])):
-            side.set_label_text(names.get(factor.path, factor.path).replace(", ", ",\n"), fontsize=7.5)
-            side.labelpad = 6.0
-        axes.tick_params(labelsize=7)
-        axes.set_box_aspect(None, zoom=0.8)  # leaves room for the names
-        axes.set_title(f"{fit.response} [{unit}]", fontsize=9)
-        axes.view_init(elev=28.0, azim=-125.0)
-        axes.locator_params(nbins=4)
-    return figure
-
-
-@page_style()
 def contour_figure(fit: Fit, names: Names, unit: str, at: Floats, target: float) -> Figure:
     """Contours of the response over every pair of factors, with the runs and, if reached, the target."""
     pairs = list(combinations(range(len(fit.factors)), 2))

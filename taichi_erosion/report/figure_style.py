@@ -140,13 +140,11 @@ def inline_svg(figure: Figure, name: str, texts: Mapping[str, Sequence[str]]) ->
     return ET.tostring(root, encoding="unicode")
 
 
-def panels(
-    count: int, columns: int, size: tuple[float, float] = PANEL, projection: str | None = None
-) -> tuple[Figure, list[Any]]:
+def panels(count: int, columns: int, size: tuple[float, float] = PANEL) -> tuple[Figure, list[Any]]:
     """Figure of `count` panels of a size [in], `columns` in a row."""
     across, down = min(count, columns), ceil(count / columns)
     figure = Figure(figsize=(size[0] * across, size[1] * down), layout="constrained")
-    return figure, [figure.add_subplot(down, across, k + 1, projection=projection) for k in range(count)]
+    return figure, [figure.add_subplot(down, across, k + 1) for k in range(count)]
 
 
 def single_panel_figure(width: float, height: float) -> tuple[Figure, Axes]:

@@ -37,7 +37,9 @@ ISO_MONTH = r"(?:19|20)\d\d-(?:0\d|1[0-2])"
 DATE = re.compile(
     rf"(?i)\d{{1,4}}([./-])\d{{1,2}}\1\d{{2,4}}.*|{ISO_MONTH}|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}"
 )
-DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%Y年%m月%d日")
+DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%d/%m/%y", "%m/%d/%y")
+DAYS += ("%Y年%m月%d日", "%d-%b-%Y", "%d %b %Y", "%d %B %Y")
+TIME = re.compile(r"(?:[ T]\d{1,2}:\d\d(?::\d\d)?Z?)?$")  # behind a date
 THOUSANDS = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
@@ -152,7 +154,7 @@ def days_since_first(texts: Sequence[str]) -> list[int]:
     readings = list[list[datetime]]()
     for form in DAYS:
         with suppress(ValueError):
-            readings.append([datetime.strptime(text.removesuffix(" 00:00:00"), form) for text in texts])
+            readings.append([datetime.strptime(TIME.sub("", text, 1), form) for text in texts])
     return [(each - min(readings[0])).days for each in readings[0]] if len(readings) == 1 else []
 
 

@@ -38,6 +38,7 @@ NUMBERED = re.compile(
     r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$"
 )
 NumbersByHeading = Mapping[str, Floats]
+Columns = Sequence[Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
 SHARED = 0.95  # share of what varies at one value that they explain
@@ -96,7 +97,7 @@ def non_conditions(
     """
     others, why = dict(conditions), dict[str, str]()
     for heading, values in sorted(columns.items(), key=lambda each: counts_rows(each[1])):  # these last
-        known = others, value_set_numbers([set_ups]), has_scatter
+        known = others, value_set_numbers([set_ups]), 1.0 if has_scatter else -np.inf
         reason = why_column_is_no_condition(heading, values, results, *known)
         if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT, COUNTS))):
             why[heading] = reason
@@ -106,18 +107,13 @@ def non_conditions(
 
 
 def why_column_is_no_condition(
-    heading: str,
-    values: Floats,
-    results: Sequence[Floats],
-    others: NumbersByHeading,
-    set_ups: Floats,
-    has_scatter: bool,
+    heading: str, values: Floats, results: Columns, others: NumbersByHeading, set_ups: Floats, more: float
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
     A column that differs between repeats, with other values in each group of them, is no condition where
     another one varies, so many rows repeat others that this is no accident, and the results follow it neither
-    there nor it alone.
+    there nor it alone. `more`: as of `differs_between_groups`.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
@@ -145,8 +141,9 @@ def why_column_is_no_condition(
     if same and not is_dose(heading):
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
-    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values())
-    is_repeated &= differs_between_groups(values, rest, 1 if has_scatter else -np.inf)
+    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(
+        values, rest, more
+    )
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""

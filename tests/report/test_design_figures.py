@@ -24,8 +24,7 @@ def surface() -> Fit:
     return replace(audit_table(FOLDER / "table_8.csv").fit, factors=RANGES)
 
 
-def test_every_pair_of_factors_has_its_surface_and_its_contours():
-    assert len(figures.surface_figure(surface(), {}, "deg", CENTRE).axes) == 3
+def test_every_pair_of_factors_has_its_contours():
     drawn = figures.contour_figure(surface(), {}, "deg", CENTRE, 25.0).axes
     assert [(a.get_xlabel(), a.get_ylabel()) for a in drawn] == [("Ct", "Gt"), ("Ct", "It"), ("Gt", "It")]
     assert (*drawn[0].get_xlim(), *drawn[0].get_ylim()) == pytest.approx((0.64, 0.80, 0.15, 0.31))

@@ -39,7 +39,7 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
-from taichi_erosion.tables.cell_numbers import days_since_first
+from taichi_erosion.tables.cell_numbers import DATE, days_since_first
 from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, meaning_of_symbol, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
@@ -118,28 +118,30 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
     has_scatter = roles & ({*SCATTER} - {"n"}) or any("±" in cell for column in columns for cell in column)
     for column in columns:
         heading = read_heading(column[0])  # one of numbers has some that a spreadsheet changed
-        is_number = heading.unit or meaning_of(heading.name)[0] in KINDS.values()
-        if not is_number and max(days := days_since_first(column[1:]), default=0):
-            if not has_scatter and have_repeats_several(column, columns):
-                interview.assume(f"not used: '{column[0]}' (repeats have several dates)")
-                break
+        if heading.unit or meaning_of(heading.name)[0] in KINDS.values():
+            continue
+        days = days_since_first(column[1:])
+        several = bool(days) and not has_scatter and have_repeats_several(column, columns)
+        if max(days, default=0) and not several:
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)
             break
+        if several or (not days and any(map(DATE.fullmatch, column[1:]))):
+            why = "repeats have several dates" if several else "not all are dates, or in two readings"
+            interview.assume(f"not used: '{column[0]}' ({why})")
     rows = zip(cells.rows, zip(*columns, strict=True), strict=True)
     return replace(cells, rows=tuple((line, row) for (line, _), row in rows))
 
 
 def have_repeats_several(column: Sequence[str], columns: Sequence[Sequence[str]]) -> bool:
     """Whether rows that are alike in all known conditions, set-ups and sources have several values."""
-    known = list[Sequence[str]]()
+    known: list[Sequence[str]] = [[""] * (len(column) - 1)]
     for other in columns:
         heading = read_heading(other[0])
         roles = meaning_of(heading.name)[0], meaning_of_symbol(heading)[0]
         labels = {"group", "source"} & {*roles} and len({*other}) < len(other)  # not numbers of samples
         known += [other[1:]] if "condition" in roles or labels else []
-    rows = [*zip(*known, strict=True)] if known else [()] * (len(column) - 1)
-    return len({*zip(rows, column[1:], strict=True)}) > len({*rows})
+    return len({*zip(*known, column[1:], strict=True)}) > len({*zip(*known, strict=True)})
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:

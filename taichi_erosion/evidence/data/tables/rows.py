@@ -127,8 +127,8 @@ def tidy_columns(cells: Cells) -> list[Column]:
         name = error["name"] if error else heading.name
         name = meaning_of(name)[1].rpartition(".")[2] if heading.law else name  # its numbers are turned
         name = name if NAME.fullmatch(name) else own_name(name, REQUIRED, place)
-        known = "note" if name.lower().startswith("note_") else name.lower()
-        role: Role = "condition_sd" if error else ROLES.get(known, "condition")
+        role = ROLES.get(re.sub("^note_.*", "note", name.lower()), "condition")
+        role = "condition_sd" if error else role
         words = [row[place] for _, row in cells.lines if row[place]] if role == "condition" else []
         if words and not heading.unit and not any(map(is_quantity, words)):
             role = "remark"
