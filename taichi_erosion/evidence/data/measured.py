@@ -121,7 +121,7 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
         if heading.unit or meaning_of(heading.name)[0] in KINDS.values():
             continue
         days = days_since_first(column[1:])
-        several = bool(days) and not has_scatter and have_repeats_several(column, columns)
+        several = bool(days) and not has_scatter and varies_among_repeats(column, columns)
         if max(days, default=0) and not several:
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = "day (d)", *map(str, days)
@@ -133,15 +133,15 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
     return replace(cells, rows=tuple((line, row) for (line, _), row in rows))
 
 
-def have_repeats_several(column: Sequence[str], columns: Sequence[Sequence[str]]) -> bool:
+def varies_among_repeats(column: Sequence[str], columns: Sequence[Sequence[str]]) -> bool:
     """Whether rows that are alike in all known conditions, set-ups and sources have several values."""
-    known: list[Sequence[str]] = [[""] * (len(column) - 1)]
+    settings: list[Sequence[str]] = [[""] * (len(column) - 1)]
     for other in columns:
         heading = read_heading(other[0])
         roles = meaning_of(heading.name)[0], meaning_of_symbol(heading)[0]
         labels = {"group", "source"} & {*roles} and len({*other}) < len(other)  # not numbers of samples
-        known += [other[1:]] if "condition" in roles or labels else []
-    return len({*zip(*known, column[1:], strict=True)}) > len({*zip(*known, strict=True)})
+        settings += [other[1:]] if "condition" in roles or labels else []
+    return len({*zip(*settings, column[1:], strict=True)}) > len({*zip(*settings, strict=True)})
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:
