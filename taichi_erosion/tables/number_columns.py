@@ -38,7 +38,6 @@ NUMBERED = re.compile(
     r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$"
 )
 NumbersByHeading = Mapping[str, Floats]
-Columns = Sequence[Floats]
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
 SHARED = 0.95  # share of what varies at one value that they explain
@@ -87,18 +86,15 @@ def non_conditions(
     conditions: NumbersByHeading,
     set_ups: Floats,
     names: Collection[str] = (),
-    has_scatter: bool = False,
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
     `results` are the measured quantities, `conditions` are others, `set_ups` name the set-up of each row,
-    `names` are the headings of known conditions, which are computed from no result or other condition; a row
-    that `has_scatter` of its own needs no other one as its repeat.
+    `names` are the headings of known conditions, which are computed from no result or other condition.
     """
     others, why = dict(conditions), dict[str, str]()
     for heading, values in sorted(columns.items(), key=lambda each: counts_rows(each[1])):  # these last
-        known = others, value_set_numbers([set_ups]), 1.0 if has_scatter else -np.inf
-        reason = why_column_is_no_condition(heading, values, results, *known)
+        reason = why_column_is_no_condition(heading, values, results, others, value_set_numbers([set_ups]))
         if reason and not (heading in names and reason.startswith((AGAIN, ALIKE, RESULT, COUNTS))):
             why[heading] = reason
         else:
@@ -107,13 +103,13 @@ def non_conditions(
 
 
 def why_column_is_no_condition(
-    heading: str, values: Floats, results: Columns, others: NumbersByHeading, set_ups: Floats, more: float
+    heading: str, values: Floats, results: Sequence[Floats], others: NumbersByHeading, set_ups: Floats
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
     A column that differs between repeats, with other values in each group of them, is no condition where
     another one varies, so many rows repeat others that this is no accident, and the results follow it neither
-    there nor it alone. `more`: as of `differs_between_groups`.
+    there nor it alone.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it
@@ -141,9 +137,7 @@ def why_column_is_no_condition(
     if same and not is_dose(heading):
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
-    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(
-        values, rest, more
-    )
+    is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
@@ -193,16 +187,15 @@ def differs_at_equal_values(column: Floats, other: Floats) -> bool:
     return np.unique(value_set_numbers([other, column])).size > np.unique(other).size
 
 
-def differs_between_groups(values: Floats, rest: Floats, more: float = -np.inf) -> bool:
+def differs_between_groups(values: Floats, rest: Floats) -> bool:
     """Whether values differ within most groups of repeats, and are the same set in few pairs of these.
 
-    A factor of a design has the same levels in each group; one that is crossed in parts has in some group all
-    but at most one: it is kept where values have to be `more` than a group has.
+    A factor of a design has the same levels in each group, or in one all levels but at most one.
     """
     groups = [tuple(np.unique(values[rest == each])) for each in np.unique(rest)]
     sets = [levels for levels in groups if len(levels) > 1]
     differ = len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
-    return differ and np.unique(values).size > more + max(map(len, sets))
+    return differ and np.unique(values).size > 1 + max(map(len, sets))
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:

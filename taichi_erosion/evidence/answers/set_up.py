@@ -53,8 +53,10 @@ def refuse_unknown_scatter(study: Study) -> None:
     rest = {name: {k: x for k, x in columns.items() if k != name} for name in columns}
     sets = {name: np.unique(condition_groups(replace(table, conditions=rest[name]))) for name in columns}
     names = [name for name, numbers in sets.items() if 2 * numbers.size <= table.size]
-    hint = FAULTS["repeated_but_for"] * (len(names) == 1 < len(columns))
-    words = f"{FAULTS['unknown_scatter']}{hint}".format(*(name.rpartition(".")[2] for name in names))
+    names = names if len(names) == 1 else [name for name in names if name in study.problem.unread]
+    hint = FAULTS["repeated_but_for"] * (0 < len(names) < len(columns))
+    alike = join_words((f"'{name.rpartition('.')[2]}'" for name in names), "or")
+    words = f"{FAULTS['unknown_scatter']}{hint}".format(alike)
     raise BadInput(f"{study.file.study.measurements}: {words}")
 
 

@@ -27,7 +27,7 @@ FAULTS = {  # of a set-up
     "held_out": "; {} more are held out (none with fraction = 0, no ranges and no sources under [vault])",
     "unknown_scatter": "no row has an sd, no repeats differ: the scatter is unknown; add either, or "
     "say --sd 'NAME=8 %'",
-    "repeated_but_for": "; rows are alike but for '{}': a heading 'note' says that it was measured, not set",
+    "repeated_but_for": "; rows are alike but for {}: a heading 'note' says that it was measured, not set",
 }
 PRIORS = {  # that are halved and doubled
     "nothing": "odds that nothing is missing",

@@ -309,10 +309,7 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     results += [mean_of_repeats(results)]
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
-    side_by_side = len(measured) > len({c.name for c in columns if c.role == "observable"})
-    has_scatter = side_by_side or any("±" in row[place] for row in rows for place in measured)
-    has_scatter |= any(c.role in ("sd", "se", "cv", "spread") for c in columns)
-    why = non_conditions(cells, results, by_heading, set_ups, conditions, has_scatter)
+    why = non_conditions(cells, results, by_heading, set_ups, conditions)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
