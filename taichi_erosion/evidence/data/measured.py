@@ -127,7 +127,7 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
             column[:] = "day (d)", *map(str, days)
             break
         if several or (not days and any(map(DATE.fullmatch, column[1:]))):
-            why = "repeats have several dates" if several else "not all are dates, or in two readings"
+            why = "repeats have several dates" if several else "no dates, or day and month may be exchanged"
             interview.assume(f"not used: '{column[0]}' ({why})")
     rows = zip(cells.rows, zip(*columns, strict=True), strict=True)
     return replace(cells, rows=tuple((line, row) for (line, _), row in rows))

@@ -367,7 +367,7 @@ def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     refuted = [record.effects[name] for name in record.refuted]
     if record.imitators:
         return f"No effect is named: {imitation_text(record, voc)}"
-    why = "the rows contradict its law: it or something else acts in another way, or more scatter than stated"
+    why = "the rows contradict its law: another law or effect acts, or the scatter is larger than stated"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
     elif strong := [part for part in refuted if part.strength > part.most]:
