@@ -209,6 +209,15 @@ def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(t
     rows = "".join(f"{d};{w};{30 + w};0.5\n" for d, w in days)
     text = f"Datum;moisture (%);angle of repose (deg);SD\n{rows}"
     assert measured(tmp_path, text)[0].conditions["day"] == pytest.approx(86400.0 * np.array([0, 1, 1, 2]))
+    for shared in (True, False):  # each moisture on a day of its own, or repeats on several days
+        rows = "".join(
+            f"{1 + (w if shared else k)}.2.2020;{w};{30 + w + k}\n" for w in range(4) for k in (0, 1)
+        )
+        found, assumed = measured(
+            tmp_path, f"Datum;moisture (%);angle of repose (deg)\n{rows}", f"{shared}.csv"
+        )
+        assert ("day" in found.conditions) == shared
+        assert ("not used: 'Datum' (repeats have several dates)" in assumed) != shared
     soils = zip("ABCD", "sand loam loam clay".split(), (2, 9, 14, 22), (0.21, 0.16, 0.14, 0.12), strict=True)
     rows = [f"{s};{t};{c};{d};{w};{30 + w + c / 3:.1f};0.5" for s, t, c, d in soils for w in (0, 2, 4)]
     text = "soil;texture;clay (%);d50 (mm);moisture (%);angle of repose (deg);SD\n" + "\n".join(rows)
