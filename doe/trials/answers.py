@@ -21,7 +21,7 @@ from doe.common.cases import method_commit
 from doe.trials.tables.solve import table_answer
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
+from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study
 from taichi_erosion.evidence.answers.rounds import StudyInference
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
@@ -90,11 +90,11 @@ def study_answer(study: Path, budget: BudgetName | None = None) -> Answer:
     """
     options = StudyOptions(budget=budget)
     try:
-        record = discover_study(study, no_progress, options).record
+        record = discover_study(study, lambda *_: None, options).record
     except BadInput as refusal:
         return REFUSED | {"refusal": str(refusal)}
     names = record.named or record.group[:1]
-    adopted = adopt_study(study, names, no_progress, options).record if names else None
+    adopted = adopt_study(study, names, lambda *_: None, options).record if names else None
     answer = kept(record, adopted and adopted.vault)
     return answer | {"adopted": names, "n": record.n, "seconds": record.wall_s}
 

@@ -387,7 +387,7 @@ def apply_number_laws(cells: Cells) -> Cells:
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
         if has_word(heading.text, known_words()["roles"]["sd"]):
-            content = [BRACKETED.sub(r"\1 ± \2", cell) for cell in content]
+            content = [BRACKETED.sub(r"\1 ± \2", strip_brackets(cell).lstrip("± ")) for cell in content]
         value = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
         matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if value else []
         letters = {sign for match in matches if match for sign in match["mark"] + match["last"]}

@@ -8,10 +8,10 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import adopt_study, compare_study, discover_study, next_study
-from taichi_erosion.evidence.answers.commands import no_progress as silent
 from taichi_erosion.evidence.answers.predictions import predict_study
 from taichi_erosion.recording.readback import read_chunks
 from taichi_erosion.report import write_recording, write_report
+from tests.evidence.asking import no_progress as silent
 from tests.evidence.small_study import write_study
 from tests.report.browser import assert_readable
 

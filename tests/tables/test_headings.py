@@ -52,7 +52,7 @@ conditions.fetch: fetch_m -> m
 CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
 relative moisture (%); air moisture (%); moisture increase (%); moisture (% of field capacity)
-moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; repose angle, mean ± SE (deg)
+moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; repose angle ± 95% CI (deg)
 moisture at sampling (%); Water sprayed (%); Anfangsfeuchte (%); humedad inicial (%); влажность до сушки (%)
 Moulding water content (%); Feuchte bei Krustenbildung (%); humidité avant séchage (%); 初始含水率 (%)
 u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from taichi_erosion.cli.commands import app
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.commands import adopt_study, compare_study, discover_study, no_progress
+from taichi_erosion.evidence.answers.commands import adopt_study, compare_study, discover_study
 from taichi_erosion.evidence.data.tables.rows import PLACE
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.record import Record
@@ -72,8 +72,8 @@ def tidy(study: Path) -> list[dict[str, Any]]:
 
 def answered(study: Path) -> Answer:
     """Compare, discover, and adopt what is named, or the first of a group."""
-    compared = compare_study(study, no_progress).record
-    record = discover_study(study, no_progress).record
+    compared = compare_study(study, lambda *_: None).record
+    record = discover_study(study, lambda *_: None).record
     effects, law = record.effects, record.law
     strengths = {name: effects[name].strength_range for name in record.named}
     names = record.named or record.group[:1]
@@ -86,7 +86,7 @@ def answered(study: Path) -> Answer:
         "strengths": {n: [s.value, s.low, s.high] for n, s in strengths.items() if isfinite(s.value)},
         "excluded": {name: each.limit for name, each in effects.items() if each.status == "excluded"},
         **{"law": law.form if law else "", "held_out_share": law.held_out_share if law else None},
-        "adopted": adopted(adopt_study(study, names, no_progress).record) if names else None,
+        "adopted": adopted(adopt_study(study, names, lambda *_: None).record) if names else None,
     }
 
 

@@ -41,10 +41,6 @@ from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.mechanisms.library import mechanism_rows
 
 
-def no_progress(_: str, __: float) -> None:
-    """Progress that nobody wants to see."""
-
-
 @contextmanager
 def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study]:
     """A study whose runs are safe in its store when the block is left, however it is left.

@@ -217,13 +217,12 @@ def scale_variance_by_repeats(
 
 
 def group_repeats(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
-    """Groups of repeats, which have one number in `cell`, and their squares; a NaN leaves a row out."""
+    """Groups of repeats, of one number in `cell`, and their squares, 0 if all are equal; NaN: left out."""
     finite = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
     _, number = np.unique(cell[finite], return_inverse=True)
     groups = [finite[number == k] for k in np.flatnonzero(np.bincount(number) > 1)]
-    mean = [np.average(z[rows], weights=weight[rows]) for rows in groups]
-    squares = [float(weight[rows] @ (z[rows] - m) ** 2) for rows, m in zip(groups, mean, strict=True)]
-    return groups, np.array(squares)
+    above = [(z[rows] - z[rows[0]], weight[rows]) for rows in groups]
+    return groups, np.array([float(w @ (d - np.average(d, weights=w)) ** 2) for d, w in above])
 
 
 def pure_error_squares(z: Floats, weight: Floats, cell: Floats) -> tuple[float, int]:

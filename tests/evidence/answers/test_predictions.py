@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
-from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
+from taichi_erosion.evidence.answers.commands import adopt_study
 from taichi_erosion.evidence.answers.files import read_reply
 from taichi_erosion.evidence.answers.predictions import predict_new_rows, predict_study
 from taichi_erosion.evidence.data.problem import Parameter, Problem
@@ -18,6 +18,7 @@ from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import forecast, joint_rows, leave_one_out_shares, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import infer
 from taichi_erosion.evidence.words.answer_lines import coverage_line
+from tests.evidence.asking import no_progress
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import study_text, write_study
 

@@ -17,7 +17,7 @@ from taichi_erosion.api.studies import new_study
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import fresh_test, rounds
-from taichi_erosion.evidence.answers.commands import bare, discover_record, infer_all, no_progress, open_study
+from taichi_erosion.evidence.answers.commands import bare, discover_record, infer_all, open_study
 from taichi_erosion.evidence.answers.set_up import small_heap_faults
 from taichi_erosion.evidence.data.problem import Mechanism, SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
@@ -33,6 +33,7 @@ from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.record import FreshPart
 from taichi_erosion.scene.load import SOURCE, load_scene
+from tests.evidence.asking import no_progress
 from tests.evidence.emulator.test_training_runs import executing, keys, write
 
 NAME = "rolling_resistance"

@@ -5,9 +5,9 @@ from math import isnan
 
 import pytest
 
-from taichi_erosion.evidence.answers.commands import no_progress
 from taichi_erosion.evidence.answers.predictions import predict_study
 from taichi_erosion.evidence.emulator import training_runs
+from tests.evidence.asking import no_progress
 from tests.evidence.emulator.test_training_runs import QUICK, executing, heights, keys, write
 from tests.evidence.small_study import write_study
 

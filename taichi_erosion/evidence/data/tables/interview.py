@@ -36,7 +36,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     set_user_sd,
 )
 from taichi_erosion.scene.physical_ranges import range_of
-from taichi_erosion.tables.cell_numbers import is_missing
+from taichi_erosion.tables.cell_numbers import CellNumber, is_missing
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     HEIGHT,
@@ -65,9 +65,6 @@ from taichi_erosion.tables.number_columns import (
 )
 from taichi_erosion.tables.spreadsheet import Cells
 
-STANDARD_ERROR = re.compile(
-    r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
-)
 SEVERAL_SD = re.compile(r"(?i)(?<![\d.,])(?:[2-9]|1[.,]96)\s*(?:σ|sigma|s\.?d\b|std|standard dev)")
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
 SPREADS = {"sd": "the standard deviation of single repeats", "se": "the standard error of their mean"}
@@ -95,9 +92,6 @@ def understand_columns(
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = columns_with_roles(cells, options, faults)
     signs = any("±" in row[c.place] for _, row in cells.lines for c in columns if c.role == "observable")
-    if signs and STANDARD_ERROR.search(cells.titles):
-        remedy = "write a column 'SE' with n, or the sd of repeats"
-        faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
     texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
     if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
         faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
@@ -455,23 +449,23 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
             yield column
             continue
         words = plain_words(column.heading.name)
-        owners = [c for c in quantities if word_length(plain_words(c.heading.name), words)]
-        owners = sorted(owners, key=lambda each: len(each.heading.name))[-1:] or before
-        left = [each for each in measured if each.place < column.place]
-        partner = owners[0] if owners and owners[0] in measured else (left[-1:] or measured)[0]
+        named = (c for c in quantities if word_length(plain_words(c.heading.name), words))
+        owners = sorted(named, key=lambda each: len(each.heading.name))[-1:] or before
+        left = [each for each in measured if each.place < column.place][-1:]
+        partner = ([each for each in owners if each in measured] or left or measured)[0]
         shared = column.role == "n" and len(measured) > 1 and partner not in owners
         why = ""
         if repeated and (shared or partner.name in repeated):
             why = BESIDE
         elif owners and partner not in owners and column.role != "n":
             why = f"it belongs to '{owners[0].heading.text}'"
-        sizes = [[abs(each.value) for each in reading.numbers(c)] or [0.0] for c in (column, partner)]
-        if column.role in ("sd", "se") and not column.heading.unit and median(sizes[0]) > median(sizes[1]):
+        numbers = [reading.numbers(each) or [CellNumber(0.0)] for each in (column, partner)]
+        unit, sizes = column.heading.unit or numbers[0][0].unit, [[abs(x.value) for x in n] for n in numbers]
+        if column.role in ("sd", "se") and not unit and median(sizes[0]) > median(sizes[1]):
             why = f"its numbers are larger than those of '{partner.heading.text}'"
-        if why:
-            reading.interview.assume(f"column '{column.heading.text}' is not used: {why}")
+        reading.interview.assume(f"column '{column.heading.text}' is not used: {why}" if why else "")
         role = "remark" if why else column.role
-        if role == "sd" and column.heading.unit == "%" != partner.heading.unit:
+        if role == "sd" and unit == "%" != partner.heading.unit:
             reading.interview.assume(f"'{column.heading.text}' counts in % of '{partner.heading.text}'")
             role = "cv"
         yield replace(column, role=role, of=-1 if shared else partner.place)

@@ -60,6 +60,9 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
 NAME = re.compile(r"[^\W\d_]\w{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>.+)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
+STANDARD_ERROR = re.compile(
+    r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
+)
 MOST_REPEATS = 10**9
 MOST_SCATTER = 10.0  # sd of a measurement over its value
 SHOWN = 40  # characters of a cell that a message repeats
@@ -304,8 +307,11 @@ class RowReader:
             return None
         n = next((self.count(line, row, each) for each in self.partner_columns("n", column)), None)
         counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
-        n = n or max(each.heading.repeats for each in counting) or None
+        is_error = STANDARD_ERROR.search(f"{self.cells.titles} {column.heading.text}") and not isnan(cell.sd)
+        headings = [each.heading for each in counting] + [read_heading(self.cells.titles)] * bool(is_error)
+        n = n or max(each.repeats for each in headings) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
+        sd = self.sd_of_standard_error(line, row, column, sd, n) if is_error else sd
         if sd > MOST_SCATTER * abs(cell.value) > 0.0:
             self.add_fault(line, column, row, f"has a scatter of {sd:g}: leave it away where it is not known")
         if sd == 0.0:  # of a few repeats that differ by less than a digit
@@ -389,17 +395,21 @@ class RowReader:
         for other in (*self.partner_columns("sd", column), *self.partner_columns("se", column)):
             like = replace(other, factor=column.factor, roughness=column.roughness, height=column.height)
             sd = self.read_positive(line, row, like, column.heading.unit)
-            if other.role == "se" and isfinite(sd):
-                if n is None:
-                    self.add_fault(line, column, row, "has a standard error: give n, the number of repeats")
-                return sd * sqrt(n or nan)
             if not isnan(sd):
-                return sd
+                return self.sd_of_standard_error(line, row, column, sd, n) if other.role == "se" else sd
         for other in self.partner_columns("cv", column):
             sd = SHARES.get(other.heading.unit, 0.01) * self.read_positive(line, row, other)
             if not isnan(sd):
                 return sd * abs(value)
         return nan
+
+    def sd_of_standard_error(
+        self, line: int, row: Sequence[str], column: Column, error: float, n: int | None
+    ) -> float:
+        """Standard deviation of single repeats of a mean with a standard error; a fault without n."""
+        if n is None:
+            self.add_fault(line, column, row, "has a standard error: give n, the number of repeats")
+        return error * sqrt(n or nan)
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""

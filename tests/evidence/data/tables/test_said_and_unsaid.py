@@ -204,6 +204,13 @@ def test_words_are_set_ups_where_the_condition_has_no_numbers_and_a_bracket_belo
     assert "a scatter of 0 counts as not stated, in row 2" in assumed
 
 
+@pytest.mark.parametrize("cells", ["0.3 0.6", "±0.3 ± 0.6", "(0.3) (0.6)", "1% 2%"])
+def test_a_column_of_scatter_is_read_as_laboratories_write_it(tmp_path, cells):
+    first, second = cells.replace("± ", "±").split()
+    found, _ = measured(tmp_path, f"moisture (%);repose angle (deg);SD\n1;30;{first}\n2;30;{second}\n")
+    assert found.sd == pytest.approx([0.3, 0.6])
+
+
 def test_dates_are_days_and_properties_of_soils_are_kept_beside_their_textures(tmp_path):
     days = zip(("3.2.2020", "4.2.2020", "4.2.2020", "5.2.2020"), (0, 1, 2, 4), strict=True)
     rows = "".join(f"{d};{w};{30 + w};0.5\n" for d, w in days)
@@ -502,10 +509,12 @@ def test_a_ditto_mark_is_the_cell_above(tmp_path, mark):
 
 def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
     rows = "".join(f"{w};{30 + w} ± 0.5\n" for w in range(6))
-    text = f"Angles, mean {{}} of five\nmoisture (%);angle of repose (deg)\n{rows}"
-    assert "make ± a standard error" in refused(tmp_path, text.format("± SE"))
+    text = f"Angles, mean {{}}\nmoisture (%);angle of repose (deg)\n{rows}"
+    assert "has a standard error: give n" in refused(tmp_path, text.format("± SE"))
     assert "± is '2 SD': write the sd of single repeats" in refused(tmp_path, text.format("± 2 SD"))
     assert np.all(measured(tmp_path, text.format("± SD"))[0].sd == 0.5)
+    assert np.allclose(measured(tmp_path, text.format("± SEM, n = 4"))[0].sd, 1.0)
+    assert np.allclose(measured(tmp_path, text.format("").replace("(deg)", "± SE (deg, n = 9)"))[0].sd, 1.5)
 
 
 def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
