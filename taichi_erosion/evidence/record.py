@@ -112,7 +112,6 @@ class RepeatPart:
     observable: str
     rows: tuple[int, ...]  # numbers in the table
     difference: float  # in the unit of the observable
-    suspect: int  # the one that the model does not expect; 0: either
 
 
 @dataclass(frozen=True, kw_only=True)

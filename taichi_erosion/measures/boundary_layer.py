@@ -180,3 +180,14 @@ def free_stream_speed_by_coles(friction: float, thick: float, roughness: float, 
     """
     effective = roughness + SMOOTH * viscosity / friction
     return friction / KARMAN * (log(thick / effective) + 2.0 * WAKE)
+
+
+def friction_velocity_ratio(height: float, roughness: float) -> float:
+    """Friction velocity over the wind at a height [1], u* / U = kappa / ln(z / z0) over a rough bed.
+
+    With z the height [m] and z0 the roughness length [m]. Holds in neutral air for z far above z0, within the
+    lowest tenth of the layer.
+
+    Reference: Schlichting & Gersten (2017), section 17.1.2 (law of the wall).
+    """
+    return KARMAN / log(height / roughness)

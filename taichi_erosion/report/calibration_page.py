@@ -96,8 +96,6 @@ def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
         at = np.array([(best["settings"][f.path] - f.centre) / f.half_range for f in fit.factors])
         yield f"effects_{name}", figures.effect_figure(analysed["responses"][name], analysed["kept"], unit)
         yield f"surface_{name}", figures.contour_figure(fit, names, unit, at, target.value)
-        yield f"perturbation_{name}", figures.perturbation_figure(fit, names, unit, at)
-        yield f"fit_{name}", figures.fit_over_runs_figure(fit, unit)
         yield f"residuals_{name}", figures.residual_figure(fit, calibration.surface.design.run_order)
         values, predicted = document["confirm"]["values"][name], best["predicted"][name]
         yield f"confirm_{name}", figures.confirmation_figure(values, name, target, predicted)

@@ -25,7 +25,6 @@ Names = Mapping[str, str]
 Record = Mapping[str, Any]
 
 LINE, POINT, NEUTRAL, PALE = "#1f4e79", "#c0392b", "#7f8c8d", "#b8c1c9"
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MAP = "cividis"  # even rise of lightness: readable in grey
 TICKS = 41  # points along an edge of a surface
 LEVELS = 9  # contour lines
@@ -59,33 +58,6 @@ def response_grid(fit: Fit, i: int, j: int, at: Floats) -> tuple[Floats, Floats,
     points[..., i], points[..., j] = np.meshgrid(ticks, ticks)
     natural = to_natural(fit.factors, points)
     return natural[..., i], natural[..., j], fit.predict(points.reshape(-1, len(at))).reshape(TICKS, TICKS)
-
-
-@page_style()
-def perturbation_figure(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
-    """Response along each factor."""
-    ticks = np.linspace(-1.0, 1.0, TICKS)
-    figure, axes = single_panel_figure(*PANEL)
-    for k, factor in enumerate(fit.factors):
-        points = np.tile(at, (TICKS, 1))
-        points[:, k] = ticks
-        name = names.get(factor.path, factor.path)
-        dash = DASHES[k % len(DASHES)]
-        axes.plot(ticks, fit.predict(points), linestyle=dash, label=name)
-    axes.set(xlabel="coded level of the factor [1]", ylabel=f"{fit.response} [{unit}]")
-    axes.legend(fontsize=8)
-    return figure
-
-
-@page_style()
-def fit_over_runs_figure(fit: Fit, unit: str) -> Figure:
-    """Fitted against simulated values."""
-    figure, axes = single_panel_figure(*PANEL)
-    ends = [min(fit.values.min(), fit.fitted.min()), max(fit.values.max(), fit.fitted.max())]
-    axes.plot(ends, ends, color=NEUTRAL, lw=1.0)
-    axes.plot(fit.values, fit.fitted, "o", color=LINE)
-    axes.set(xlabel=f"{fit.response} of the run [{unit}]", ylabel=f"fitted [{unit}]")
-    return figure
 
 
 @page_style()

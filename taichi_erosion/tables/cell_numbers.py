@@ -41,6 +41,10 @@ DAYS = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", 
 DAYS += ("%Y年%m月%d日", "%d-%b-%Y", "%d %b %Y", "%d %B %Y")
 TIME = re.compile(r"(?:[ T]\d{1,2}:\d\d(?::\d\d)?Z?)?$")  # behind a date
 THOUSANDS = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")
+DITTO = re.compile(
+    r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
+    re.IGNORECASE,
+)
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
 
@@ -106,6 +110,11 @@ def number_with_two_readings(cells: Iterable[str]) -> str:
 def is_quantity(cell: str) -> bool:
     """Whether a cell holds a number, or says that it has none."""
     return bool(cell_word(cell) or any(kind.fullmatch(plain_cell(cell)) for kind in (QUANTITY, INTERVAL)))
+
+
+def cells_with_dittos(above: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
+    """Cells of a row, with that above in place of a ditto mark."""
+    return tuple(up if DITTO.fullmatch(cell) else cell for up, cell in zip(above, cells, strict=True))
 
 
 def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False) -> CellNumber:

@@ -7,7 +7,7 @@ compared without accents and capitals.
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher, get_close_matches
 from functools import cache
@@ -329,6 +329,22 @@ def qualifying_words(heading: Heading) -> tuple[str, str]:
         changed.append("/")  # a ratio of two quantities
     others = [word for word in re.findall(r"[^\W\d_]{3,}", remainder) if word not in words_of("harmless")]
     return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
+
+
+def heading_faults(file: str, rows: Sequence[tuple[int, Sequence[str]]]) -> Iterator[str]:
+    """Headings, in the first of the numbered rows, that are missing above numbers, or stand twice."""
+    first, (line, headings), *lines = dict[str, int](), *rows
+    for place, text in enumerate(headings):
+        where, content = f"{file}: row {line}, column {place + 1}", [row[place] for _, row in lines]
+        numbers = [*map(str, range(len(lines) + 1))]
+        is_index = sorted(content) in (sorted(numbers[:-1]), sorted(numbers[1:]))  # of a data frame
+        if not text and any(content) and not is_index:
+            yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
+        elif text in first and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
+            words = "give each its own name, or write blocks of rows below one another"
+            yield f"{where}: heading '{text}' stands in column {first[text] + 1} too; {words}"
+        if text:
+            first.setdefault(text, place)
 
 
 def scatter_role(plain: str) -> Role | None:

@@ -10,6 +10,7 @@ from scipy.special import chdtrc, fdtrc
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
+from taichi_erosion.tables.cell_numbers import number_or_nan
 from taichi_erosion.tables.headings import (
     Heading,
     has_word,
@@ -38,6 +39,7 @@ NUMBERED = re.compile(
     r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$"
 )
 NumbersByHeading = Mapping[str, Floats]
+RARE = 0.05  # chance below which a column with blank cells may act: it is asked
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
 SHARED = 0.95  # share of what varies at one value that they explain
@@ -112,8 +114,9 @@ def why_column_is_no_condition(
     there nor it alone.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
-    if np.isnan(values).any():  # a blank cell may stand for none of it
-        acts = any(acts_here_or_alone(np.nan_to_num(values), y, others, set_ups) for y in results)
+    if np.isnan(values).any():  # a blank cell may stand for none of it, in rows of a set-up of their own
+        dose, alike = np.nan_to_num(values), (rest, value_set_numbers([*others.values(), 0.0 * set_ups]))
+        acts = any(column_affects_result(dose, y, each, RARE) for y in results for each in alike)
         return "" if acts else "it is not known in every row"
     title = read_heading(heading)
     whole = bool(np.all(values == np.round(values))) and not (title.unit or title.unreadable)
@@ -170,6 +173,23 @@ def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -
         if all(below[1] < above[0] for below, above in pairwise(ends)):
             return name
     return ""
+
+
+def numbers_of_simulation(columns: Mapping[str, Sequence[str]]) -> list[str]:
+    """Headings of two columns or more that vary, of numbers that a simulation sets or coded levels."""
+    words, levels = known_words()["numbers"]["simulation"], {-1.0, 0.0, 1.0}
+    numbers = {text: {number_or_nan(cell, False) for cell in cells} for text, cells in columns.items()}
+    coded = {text for text, some in numbers.items() if -1.0 in some <= levels}
+    factors = [t for t, some in numbers.items() if len(some) > 1 and (t in coded or has_word(t, words))]
+    return factors if len(factors) > 1 else []
+
+
+def results_of_heaps(columns: NumbersByHeading) -> dict[str, str]:
+    """Columns, with the reason, of what a heap of grains has beside its angle, unless it is set by hand."""
+    words = known_words()["numbers"]["heap"]
+    return {
+        text: RESULT for text, x in columns.items() if has_word(text, words) and not is_set_by_hand(text, x)
+    }
 
 
 def value_set_numbers(columns: Sequence[Floats]) -> Floats:
@@ -231,7 +251,7 @@ def is_computed_from_result(column: Floats, result: Floats) -> bool:
         return False
     basis = np.column_stack([np.ones(y.size), y, y**2, np.log(np.maximum(y, 1e-300))])
     coefficients = np.linalg.lstsq(basis / np.abs(basis).max(axis=0), x)[0] / np.abs(basis).max(axis=0)
-    steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-300)
+    steep = coefficients[1] + 2.0 * coefficients[2] * y + coefficients[3] / np.maximum(y, 1e-100)
     variance = np.sum((x - basis @ coefficients) ** 2) / max(y.size - basis.shape[1], 1)
     rounding = (common_last_digit_size(x) ** 2 + np.mean(steep**2) * common_last_digit_size(y) ** 2) / 12.0
     return bool(variance < max(ROUNDED * rounding, EXACT * np.var(x)))

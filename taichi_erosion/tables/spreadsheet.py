@@ -26,6 +26,7 @@ from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.tables.cell_numbers import (
     NUMBER,
     cell_word,
+    cells_with_dittos,
     has_decimal_comma,
     is_missing,
     is_quantity,
@@ -61,10 +62,6 @@ MARKED = re.compile(
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
 SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
-DITTO = re.compile(
-    r"""["″〃”“„]|['’′]{2}|[-–—]+ ?["„”“″] ?[-–—]+|ditto|idem|dito|do\.|dto\.|id\.|↓|同上|то же""",
-    re.IGNORECASE,
-)
 ONE_ROW = "write one row per sample, with a column for each quantity, its unit in the heading"
 NARROW = {sign: sign - 0xFEE0 for sign in range(0xFF01, 0xFF5F)}  # of full-width signs, `（ｍｍ）`
 STEP = 1e-5  # of a difference quotient
@@ -119,11 +116,6 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     notes = ("ditto marks count as the cell above",) if full != bare else ()
     cells = Cells(name, full, comma, form, notes, " ".join(titles))
     return apply_number_laws(name_tidy_columns(cells) if cells.lines else cells)
-
-
-def cells_with_dittos(above: Sequence[str], cells: Sequence[str]) -> tuple[str, ...]:
-    """Cells of a row, with that above in place of a ditto mark."""
-    return tuple(up if DITTO.fullmatch(cell) else cell for up, cell in zip(above, cells, strict=True))
 
 
 def name_tidy_columns(cells: Cells) -> Cells:
@@ -227,6 +219,10 @@ def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
     title, rows = next((sheet for sheet in sheets if sheet_holds_table(sheet[1])), sheets[0])
+    heading = next((row for _, row in rows if sum(v not in (None, "") for v in row) > 1), None)
+    if alike := [other for other, lines in sheets if other != title and heading in [row for _, row in lines]]:
+        words = "have the same headings: write one below the other, with a column 'set-up' that names each"
+        raise BadInput(f"{name}: sheets {', '.join(map(repr, (title, *alike)))} {words}")
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
     others = ", ".join(repr(other) for other, _ in sheets if other != title)
     form = f"workbook, sheet '{title}'" + (f" (not read: {others})" if others else "")
@@ -327,7 +323,7 @@ def with_one_heading(rows: Lines) -> Lines:
         return rows
     headings, last = list[str](), ""
     for text, under in zip_longest(above, below, fillvalue=""):
-        last = text or last
+        last = "" if plain_words(text) in known_words()["rows"]["section"] else text or last
         name, unit = last if under else text, strip_brackets(under)
         if name and unit_in(unit):
             under = "" if read_heading(name).unit else f"[{unit}]"
@@ -443,8 +439,10 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     """Word of a row that sums up others, those alike in all conditions, or all; empty for another row.
 
     Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, among rows that are
-    numbered, or by a word that names nothing else; `slope` may be a site.
+    numbered, or by a word that names nothing else; `slope` may be a site. Or one by which it does not count.
     """
+    if out := [cell for cell in row if has_word(cell, known_words()["rows"]["excluded"])]:
+        return out[0]
     odd = word_among_numbers(cells, row, conditions)
     label = odd or next(filter(None, row), "")
     words = {*re.findall(r"[^\W\d_]+2?", label.casefold())}

@@ -170,7 +170,7 @@ level = replace(
 )
 typo = replace(
     null,
-    repeats=(record.RepeatPart("repose_angle", (17, 18), 30.2, 17),),
+    repeats=(record.RepeatPart("repose_angle", (17, 18), 30.2),),
     errors=(record.ErrorPart(30.0, 29.0, 31.0, "row", "repose_angle", "17"),),
     p_lack_of_fit=0.4,
 )

@@ -30,21 +30,10 @@ def test_every_pair_of_factors_has_its_contours():
     assert (*drawn[0].get_xlim(), *drawn[0].get_ylim()) == pytest.approx((0.64, 0.80, 0.15, 0.31))
 
 
-def test_a_perturbation_plot_meets_in_the_chosen_point():
-    assert surface().predict(surface().coded) == pytest.approx(surface().fitted, abs=1e-9)
-    at = np.array([0.5, -0.5, 0.0])
-    (axes,) = figures.perturbation_figure(surface(), {}, "deg", at).axes
-    there = float(surface().predict(at[None, :])[0])
-    for line, level in zip(axes.lines, at, strict=True):
-        assert np.interp(level, line.get_xdata(), line.get_ydata()) == pytest.approx(there, abs=1e-9)
-
-
-def test_residual_panels_and_predictions_show_every_run():
+def test_residual_panels_show_every_run():
     normal, level, order, influence = figures.residual_figure(surface(), RUN_ORDER).axes
     assert all(len(axes.lines[0].get_xdata()) == 17 for axes in (normal, level, order))
     assert influence.get_xlabel() == "run order"
-    (axes,) = figures.fit_over_runs_figure(surface(), "deg").axes
-    assert len(axes.lines[1].get_xdata()) == 17
 
 
 def test_names_replace_whole_factors_only():

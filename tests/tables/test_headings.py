@@ -57,6 +57,24 @@ moisture at sampling (%); Water sprayed (%); Anfangsfeuchte (%); humedad inicial
 Moulding water content (%); Feuchte bei Krustenbildung (%); humidité avant séchage (%); 初始含水率 (%)
 u*t/u*td; AOR/AOR0; flux / bare flux; maximum grain size (mm); predicted repose angle (deg)
 """  # each another quantity than the one whose word it has
+READINGS = """
+repose angle (n = 5) [deg] | repose angle | deg | 5
+repose angle [n=12] | repose angle |  | 12
+Schüttwinkel (°, N = 3) | Schüttwinkel | ° | 3
+angle of repose, mean of 4 (deg) | angle of repose, mean of | deg | 4
+u*t [m/s], 3 replicates | u*t , | m/s | 3
+n = 3 | n = 3 |  | 0
+d50 [mm] | d50 | mm | 0
+fetch / m | fetch | m | 0
+percent slope | percent slope | deg | 0
+percentile d50 | percentile d50 |  | 0
+Wassergehalt (Gew.-%) | Wassergehalt | % | 0
+Schüttwinkel (Mittelwert) [°] | Schüttwinkel (Mittelwert) | ° | 0
+Diameter, µm | Diameter | µm | 0
+Winkel ° | Winkel | ° | 0
+T (C) | T | degC | 0
+Versuch (neu) | Versuch (neu) |  | 0
+"""  # heading, name, unit, repeats; the numbers of a slope in percent are turned
 ROLES = """
 n: Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; Число повторностей
 n: replicates; Wdh.; Anzahl Wiederholungen
@@ -134,59 +152,21 @@ def test_what_stands_in_brackets_as_a_unit_and_is_none_is_told(inside):
     assert read_heading(f"flux ({inside})").unreadable == inside
 
 
-@pytest.mark.parametrize(
-    ("text", "law", "unit"),
-    [
-        ("mean grain size (phi)", "phi", "mm"),
-        ("mesh no.", "mesh", "mm"),
-        ("tangent of the angle of repose", "tan", "deg"),
-        ("moisture content (%, w.b.)", "wet", "%"),
-        ("tan flux (g/m/s)", "", "g/(m s)"),
-        ("mesh size (mm)", "", "mm"),
-    ],
-)
-def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
+def test_numbers_of_a_law_are_known_by_their_heading():
+    laws = {"mean grain size (phi)": "phi mm", "mesh no.": "mesh mm", "mesh size (mm)": " mm"}
+    laws |= {"tangent of the angle of repose": "tan deg", "tan flux (g/m/s)": " g/(m s)"}
+    laws |= {"moisture content (%, w.b.)": "wet %"}
+    assert {text: f"{read_heading(text).law} {read_heading(text).unit}" for text in laws} == laws
+
+
+def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured():
+    meant = dict.fromkeys(("angle 1 [deg]", "Winkel (°)"), "repose_angle")
+    meant |= dict.fromkeys(("angle (m)", "contact angle (deg)"), "")
+    assert {text: meaning_of_only_angle(read_heading(text)) for text in meant} == meant
+
+
+@pytest.mark.parametrize("line", READINGS.strip().splitlines())
+def test_name_unit_and_count_of_repeats_are_read_wherever_they_stand(line):
+    text, name, unit, repeats = line.split(" | ")
     heading = read_heading(text)
-    assert (heading.law, heading.unit) == (law, unit)
-
-
-@pytest.mark.parametrize(
-    ("text", "meant"),
-    [
-        ("angle 1 [deg]", "repose_angle"),
-        ("Winkel (°)", "repose_angle"),
-        ("angle (m)", ""),
-        ("contact angle (deg)", ""),
-    ],
-)
-def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, meant):
-    assert meaning_of_only_angle(read_heading(text)) == meant
-
-
-@pytest.mark.parametrize(
-    ("text", "name", "unit", "repeats"),
-    [
-        ("repose angle (n = 5) [deg]", "repose angle", "deg", 5),
-        ("repose angle [n=12]", "repose angle", "", 12),
-        ("Schüttwinkel (°, N = 3)", "Schüttwinkel", "°", 3),
-        ("angle of repose, mean of 4 (deg)", "angle of repose, mean of", "deg", 4),
-        ("u*t [m/s], 3 replicates", "u*t ,", "m/s", 3),
-        ("n = 3", "n = 3", "", 0),  # names no quantity
-        ("d50 [mm]", "d50", "mm", 0),
-        ("fetch / m", "fetch", "m", 0),
-        ("percent slope", "percent slope", "deg", 0),  # its numbers are turned
-        ("percentile d50", "percentile d50", "", 0),
-        ("flux [g/(m s)]", "flux", "g/(m s)", 0),
-        ("Wassergehalt (Gew.-%)", "Wassergehalt", "%", 0),
-        ("Schüttwinkel (Mittelwert) [°]", "Schüttwinkel (Mittelwert)", "°", 0),
-        ("d / mm", "d", "mm", 0),
-        ("Diameter, µm", "Diameter", "µm", 0),
-        ("Winkel °", "Winkel", "°", 0),
-        ("T (C)", "T", "degC", 0),
-        ("Versuch (neu)", "Versuch (neu)", "", 0),
-        ("u*t", "u*t", "", 0),
-    ],
-)
-def test_name_unit_and_count_of_repeats_are_read_wherever_they_stand(text, name, unit, repeats):
-    heading = read_heading(text)
-    assert (heading.name, heading.unit, heading.unreadable, heading.repeats) == (name, unit, "", repeats)
+    assert (heading.name, heading.unit, heading.unreadable, heading.repeats) == (name, unit, "", int(repeats))

@@ -1,44 +1,43 @@
 """Numbers of cells: powers of ten, ranges, marks of significance, and numbers of a law."""
 
-from math import atan, degrees, inf, nan
+from math import atan, degrees, nan
 
 import pytest
 
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, with_one_heading
 
+CELLS = """
+0.57|0||5.7 x 10^-1|5.7\N{MULTIPLICATION SIGN}10⁻¹|5.7 E-01|5.7·10-1|5.7*10**-1
+2000|0||2·10³
+0.271|0||0·271
+33.5|0|°|33° 30'
+1.5e-3|0|kg/(m s)|1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)
+1200|0||1\u2009200
+90|-inf||bis 90|up to 90
+5|0|%|5 wt%
+13.5|0.5||13-14|13\N{EN DASH}14|14 - 13|13.00-14.0
+0.34|0.09|mm|0.43-0.25 mm|0.43 mm - 0.25 mm
+2e-5|1e-5||1e-5-3e-5
+40|inf||>40
+1250|0|µm|1 250 µm
+-5|0||\N{MINUS SIGN}5
+1.5e-3|0||1,5e-3
+31|0||٣١
+22.75|2.25|deg|20,5 bis 25 deg
+nan|0||k.A.
+"""  # value, reach, unit, cells
 UNCERTAIN = "2·103|~5|ca. 5|(5)|5?|10^|12-3-2020|25..20|1.250,5|1,2,3|steil|12. Mrz|31.2 (0.8)|#N/A|3 ± 10 %"
 
 
-@pytest.mark.parametrize(
-    ("cell", "value", "reach", "unit"),
-    [
-        *((text, 0.57, 0.0, "") for text in ("5.7 x 10^-1", "5.7\N{MULTIPLICATION SIGN}10⁻¹", "5.7 E-01")),
-        *((text, 0.57, 0.0, "") for text in ("5.7·10-1", "5.7*10**-1")),
-        ("2·10³", 2000.0, 0.0, ""),
-        ("0·271", 0.271, 0.0, ""),
-        ("33° 30'", 33.5, 0.0, "°"),
-        ("1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)", 1.5e-3, 0.0, "kg/(m s)"),
-        ("1\u2009200", 1200.0, 0.0, ""),
-        *((text, 90.0, -inf, "") for text in ("bis 90", "up to 90")),
-        ("5 wt%", 5.0, 0.0, "%"),
-        *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13", "13.00-14.0")),
-        *((text, 0.34, 0.09, "mm") for text in ("0.43-0.25 mm", "0.43 mm - 0.25 mm")),
-        ("1e-5-3e-5", 2e-5, 1e-5, ""),
-        ("2 %", 2.0, 0.0, "%"),
-        (">40", 40.0, inf, ""),
-        ("1 250 µm", 1250.0, 0.0, "µm"),
-        ("\N{MINUS SIGN}5", -5.0, 0.0, ""),
-        ("1,5e-3", 1.5e-3, 0.0, ""),
-        ("٣١", 31.0, 0.0, ""),
-        ("20,5 bis 25 deg", 22.75, 2.25, "deg"),
-        ("k.A.", nan, 0.0, ""),
-    ],
-)
-def test_a_number_has_its_value_however_it_is_written(cell, value, reach, unit):
-    found = read_cell(" ".join(cell.split()), comma="," in cell)
-    assert (found.value, found.reach, found.sd) == pytest.approx((value, reach, nan), nan_ok=True)
-    assert found.unit == unit
+@pytest.mark.parametrize("line", CELLS.strip().splitlines())
+def test_a_number_has_its_value_however_it_is_written(line):
+    value, reach, unit, *cells = line.split("|")
+    for cell in cells:
+        found = read_cell(" ".join(cell.split()), comma="," in cell)
+        numbers = found.value, found.reach, found.sd
+        assert numbers == pytest.approx((float(value), float(reach), nan), nan_ok=True)
+        assert found.unit == unit
 
 
 def test_the_scatter_behind_a_number_is_read_with_it():
@@ -99,6 +98,7 @@ def test_a_line_above_the_headings_is_a_remark_or_a_part_of_them():
         ("J. Fluid Mech. 625;2500 kg/m3", "d (mm);u*t (m/s);SD", "d (mm)"),
         ("angle;;", "mean;SD;n", "angle mean"),  # merged, as a spreadsheet exports it
         ("sand;angle", ";mean;SD", "sand"),
+        ("Factors;;Results", "d (mm);w (%);angle", "d (mm)"),
     ):
         rows = with_one_heading([(k, row.split(";")) for k, row in enumerate((above, below, "0.2;0.3;0.1"))])
         assert rows[0][1][0] == first

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study_of_adoptions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.words.part_words import FAULTS, row_list, unit_mistake_text
+from taichi_erosion.evidence.words.part_words import FAULTS, UNLIKE, row_list, unit_mistake_text
 from taichi_erosion.evidence.words.vocabulary import in_words, join_words
 from taichi_erosion.execution.observables import why_heap_is_too_small
 from taichi_erosion.scene.schema.units import conversion_factor, parse_unit
@@ -24,7 +24,6 @@ from taichi_erosion.tables.number_words import plain
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
-UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 
 
 def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:
@@ -54,6 +53,7 @@ def refuse_unknown_scatter(study: Study) -> None:
     sets = {name: np.unique(condition_groups(replace(table, conditions=rest[name]))) for name in columns}
     names = [name for name, numbers in sets.items() if 2 * numbers.size <= table.size]
     names = names if len(names) == 1 else [name for name in names if name in study.problem.unread]
+    names = [name for name in names if np.all(columns[name] != 0.0)]  # of a dose some have none
     hint = FAULTS["repeated_but_for"] * (0 < len(names) < len(columns))
     alike = join_words((f"'{name.rpartition('.')[2]}'" for name in names), "or")
     words = f"{FAULTS['unknown_scatter']}{hint}".format(alike)

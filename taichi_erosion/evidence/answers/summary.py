@@ -34,6 +34,7 @@ from taichi_erosion.evidence.record import Interval, Record
 from taichi_erosion.mechanisms.dose_forms import Form
 
 EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
+CLEAR = float(special.ndtri(0.99))  # likewise 1 %: of several observables one may follow nothing
 ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie
 MOST_POINTS, MOST_ROWS = 12, 30  # of a curve, and over which it is a mean
 POWERS = 4  # of a condition, beside which another one has a trend of its own
@@ -52,7 +53,7 @@ def race_record(posterior: Posterior, decision: Decision | None = None) -> Recor
         levels=tuple(observable_level_parts(posterior)) if sound else (),
         errors=tuple(inferred_error_parts(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
-        repeats=tuple(disagreeing_repeats(race, after)),
+        repeats=tuple(parts.RepeatPart(x.observable, x.lines, x.gap) for x in race.prepared.rows.unmerged),
         n=race.prepared.rows.size,
         chi2_before=chi_square_of_fit(bare),
         chi2_after=chi_square_of_fit(after),
@@ -88,17 +89,6 @@ def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
 def difference_kind(observable: Observable) -> Literal["factor", "offset"]:
     """What a difference on the comparison scale is."""
     return "offset" if observable.transform == "identity" else "factor"
-
-
-def disagreeing_repeats(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
-    """Repeats that disagree grossly, and which of them the told model does not expect."""
-    rows = race.prepared.rows
-    bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
-    for each in rows.unmerged:
-        bad_lines = [line for line in each.suspects if (each.observable, line) in bad]
-        suspects = each.suspects if len(each.suspects) == 1 else bad_lines
-        line = suspects[0] if len(suspects) == 1 else 0
-        yield parts.RepeatPart(each.observable, each.lines, each.gap, line)
 
 
 def lack_of_fit_p(race: Race, fit: Fit) -> float:
@@ -217,7 +207,7 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
 
 
 def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
-    """A curve with its shape: differences between its turn and its ends count beyond 90 %.
+    """A curve with its shape: differences between its turn and its ends count beyond 98 %.
 
     It is the mean of a block over the other conditions of the rows, the same at each point.
     """
@@ -236,7 +226,7 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
 
     def sign_of_difference(i: int, j: int) -> int:
         gap, sd = mean[i] - mean[j], np.sqrt(covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j])
-        return int(np.sign(gap)) if abs(gap) > ONE_SIDED * sd else 0
+        return int(np.sign(gap)) if abs(gap) > CLEAR * sd else 0
 
     last, top, bottom = points.size - 1, int(np.argmax(mean)), int(np.argmin(mean))
     ways: dict[int, parts.Shape] = {1: "rises", -1: "falls", 0: "varies"}

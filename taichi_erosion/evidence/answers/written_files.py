@@ -254,7 +254,7 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
     first_unit = parse_unit(unit or rows[0].unit)
     size = [(row, (conversion_factor(parse_unit(row.unit), first_unit) or 1.0) * row.value) for row in rows]
     limit = min((value for row, value in size if row.reach == -inf), default=0.0)
-    least = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
+    least = LINEAR * min((value for row, value in size if row.reach != -inf), default=0.0)
     return ['transform = "log_floor"', f"floor = {max(limit, least):.6g}    # below it the scale is linear"]
 
 

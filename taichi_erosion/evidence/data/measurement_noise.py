@@ -168,7 +168,7 @@ def measurement_scatter(
     off = rows_against_repeats(z, list(repeats / normalise_scatter_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error_squares(np.where(off, nan, z), repeats, cell)
     by_blocks = False
-    if design is not None and freedom < LEAST_FREEDOM:
+    if design is not None and freedom < LEAST_FREEDOM and np.isfinite(z).any():
         squares, freedom = block_design_squares(z, repeats, design[:2])
         if by_blocks := freedom < LEAST_FREEDOM and bool(design[2].max(initial=0.0) > 1.0):
             squares, freedom = block_design_squares(z, repeats, design[1:], responding=design[2])

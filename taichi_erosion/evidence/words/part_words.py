@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator
 from math import isfinite, log
 
 import numpy as np
+from scipy.special import chdtrc
 
 from taichi_erosion.evidence import record as parts
-from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
+from taichi_erosion.evidence.race.priors import ADEQUATE, FAMILYWISE, SURE
 from taichi_erosion.evidence.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
 from taichi_erosion.tables.number_words import count_noun, heading, plain
@@ -41,6 +42,7 @@ ONE_LESS = " minus one"  # of what a dose counts
 AGREED = 0.1  # chance of a misfit from which a model agrees; below ADEQUATE it fails, between it is open
 RARELY = "less than one time in ten"  # below AGREED
 LIKELY = 0.5  # probability above which an effect acts rather than not
+UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
 
@@ -130,6 +132,9 @@ def agrees(record: Record) -> bool:
 
 def doubt_text(record: Record) -> str:
     """What keeps a model that does not fail from agreement; empty where nothing does."""
+    wide = [(x.factor, x.repeats) for x in record.scatter if x.factor > UNLIKE]
+    if unlike := [f for f, freedom in wide if chdtrc(freedom, freedom * f**2) < 0.5 * FAMILYWISE]:
+        return f"agrees only because repeats scatter {plain(max(unlike), 2)} times as much as is stated"
     if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
         return "has a trend that the stated scatter would not make"
     rare = record.p_misfit < AGREED or record.p_lack_of_fit < AGREED

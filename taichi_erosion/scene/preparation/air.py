@@ -103,8 +103,6 @@ def inlet_wind(profile: schema.Profile, height: Floats, karman: float) -> Floats
         return np.full(len(height), profile.speed)
     if isinstance(profile, schema.LogProfile):
         return air_setup.log_profile(height, profile.friction_velocity, profile.roughness_length, karman)
-    if isinstance(profile, schema.PowerProfile):
-        return profile.speed * np.minimum(height / profile.thickness, 1.0) ** profile.exponent
     return np.interp(height, profile.heights, profile.speeds)
 
 

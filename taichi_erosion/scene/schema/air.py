@@ -75,15 +75,6 @@ class LogProfile(AirSection):
     roughness_length: float = fields.extent(..., "roughness length z0", 1e-9)
 
 
-class PowerProfile(AirSection):
-    """Speed that grows with a power of height up to the edge of a layer."""
-
-    law: Literal["power"]
-    speed: float = fields.number(..., "m s-1", "wind speed from the layer's edge up", 0.0, fields.FASTEST)
-    thickness: float = fields.extent(..., "thickness of the layer", high=fields.FARTHEST)
-    exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
-
-
 class TableProfile(AirSection):
     """Measured speeds, joined by straight lines."""
 
@@ -100,7 +91,7 @@ class TableProfile(AirSection):
         return self
 
 
-Profile = Annotated[UniformProfile | LogProfile | PowerProfile | TableProfile, Field(discriminator="law")]
+Profile = Annotated[UniformProfile | LogProfile | TableProfile, Field(discriminator="law")]
 
 
 class Turbulence(AirSection):

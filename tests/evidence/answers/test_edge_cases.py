@@ -161,7 +161,7 @@ def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):
     assert found.about["set_up"][0].endswith(f"check row {row + 2}")
     assert "Correct or confirm the repeats" in found.answer().lines[-1]
     assert found.record.named == tuple(ACTING)
-    assert [each.suspect for each in found.record.repeats] == [row + 2]
+    assert [row + 2 in each.rows for each in found.record.repeats] == [True]
 
 
 def test_a_mistyped_repeat_is_told_first_with_its_row_in_the_users_table(tmp_path, capsys):

@@ -348,3 +348,10 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     doses = zip(clay[3:] + clay[:3], moisture, speeds, strict=True)
     shuffled = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in doses]
     assert answer(study_of(mixed, "", "\n".join([heading, *shuffled, ""]))).record.named == ("liquid_bridge",)
+
+
+def test_alike_rows_that_differ_far_beyond_their_sd_are_no_agreement(tmp_path):
+    rows = [f"{d},{(0.47 + 0.1 * k) * d**0.5:.3f},0.01,3\n" for k in range(3) for d in (0.1, 0.2, 0.4, 0.8)]
+    reply = answer(study_of(tmp_path, "t", "d (mm),u*t (m/s),SD,n\n" + "".join(rows)))
+    assert "agrees only because repeats scatter" in reply.answer().lines[0]
+    assert reply.answer().lines[0].startswith("No effect is named")

@@ -37,7 +37,7 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (HEAD, "heap.csv: has a heading but no measurement"),
+        (HEAD, "heap.csv: no measured value; commas, semicolons or tabs"),
         (GOOD.replace("33.5", "nan"), "heap.csv: row 2, value = 'nan' must be a number (a measured one also"),
         (GOOD.replace("33.5", "1e999"), "heap.csv: row 2, value = '1e999' must be a finite number"),
         (GOOD.replace("0.7", "-0.7"), "heap.csv: row 2, sd = '-0.7' must be above 0; leave it empty"),

@@ -7,7 +7,7 @@ from scene_tables import SCENES
 from taichi_erosion.scene import load_scene, replica_setup
 from taichi_erosion.scene.preparation.air import bed_surface_height, inlet_wind
 from taichi_erosion.scene.preparation.sizes import mean_cubed_diameter, nominal_diameter
-from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
+from taichi_erosion.scene.schema.air import LogProfile, TableProfile
 
 GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
 
@@ -16,9 +16,6 @@ def test_inlet_profiles_follow_their_laws():
     height = np.array([0.001, 0.01, 0.2])
     logarithmic = LogProfile(law="log", friction_velocity=0.3, roughness_length=1e-4)
     assert inlet_wind(logarithmic, height, 0.4) == pytest.approx(0.75 * np.log1p(height / 1e-4))
-    power = PowerProfile(law="power", speed=6.0, thickness=0.1)
-    shares = np.array([0.01, 0.1, 1.0]) ** (1.0 / 7.0)
-    assert inlet_wind(power, height, 0.4) == pytest.approx(6.0 * shares)
     listed = TableProfile(law="table", heights=(0.0, 0.02), speeds=(0.0, 4.0))
     assert inlet_wind(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
 

@@ -11,10 +11,9 @@ velocity by the law of the wall.
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, isnan, log, nan
+from math import inf, isnan, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.measures.boundary_layer import KARMAN
 from taichi_erosion.scene.physical_ranges import PhysicalRange, is_other_kind, plausible_units, range_of
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import (
@@ -31,11 +30,13 @@ from taichi_erosion.tables.cell_numbers import (
 )
 from taichi_erosion.tables.headings import (
     DIAMETER,
+    GRAIN_DENSITY,
     KINDS,
     SCATTER,
     Heading,
     Role,
     has_word,
+    heading_faults,
     known_words,
     longest_word,
     meaning_of,
@@ -117,7 +118,7 @@ class TableOptions:
 
 def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list[Column]:
     """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
-    faults += heading_faults(cells)
+    faults += heading_faults(cells.file, cells.rows)
     named = names_by_column(cells, options, faults)
     columns = [apply_user_unit(column_from(cells, k, named), options) for k in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
@@ -147,21 +148,6 @@ def apply_user_unit(column: Column, options: TableOptions) -> Column:
 def column_in_unit(column: Column, unit: str) -> Column:
     """A column with the unit that is stated for it."""
     return replace(column, heading=set_stated_unit(column.heading, unit))
-
-
-def heading_faults(cells: Cells) -> Iterator[str]:
-    """Headings that are missing above numbers, or stand twice."""
-    first: dict[str, int] = {}
-    for place, text in enumerate(cells.heading):
-        where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
-        content, numbers = [row[place] for _, row in cells.lines], [*map(str, range(len(cells.lines) + 1))]
-        is_index = sorted(content) in (sorted(numbers[:-1]), sorted(numbers[1:]))  # of a data frame
-        if not text and any(content) and not is_index:
-            yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
-        elif text in first and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
-            yield f"{where}: heading '{text}' stands in column {first[text] + 1} too; give each its own name"
-        if text:
-            first.setdefault(text, place)
 
 
 def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> dict[int, tuple[Role, str]]:
@@ -255,7 +241,7 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
-        yield f"{where}: is no sd of single repeats: give that (variance^1/2, IQR / 1.35); {UNUSED}"
+        yield f"{where}: is no sd of single repeats: give it (variance^1/2, IQR/1.35, CI n^1/2/4); {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     content = [row[column.place] for _, row in cells.lines]
@@ -273,28 +259,17 @@ def double_readings(cells: Cells, column: Column, content: Sequence[str]) -> Ite
     """What in a column of numbers has two readings: `none` of a dose, `1.500` beside `250`, a density."""
     none = [each for each in content if plain_words(each) in NONE]
     is_amount = column.name not in AIR if column.role == "condition" else is_dose(column.heading.text)
+    is_amount |= any(plain_words(each) not in NONE[:2] for each in none)
     if none and is_amount and column.role != "observable":
         yield f"'{none[0]}' may mean 0: write that where it does, '-' where nothing is known"
     number = number_with_two_readings(content) if cells.form.startswith("text") else ""
     if number and column.role != "remark":
         yield f"'{number}' has two readings: write {re.sub('[.,]', '', number)} or {number}0"
-    if plain_words(column.heading.name) in known_words()["asked"].get(column.name, ()):
+    plain = plain_words(column.heading.name)
+    if column.name == GRAIN_DENSITY and plain in known_words()["asked"][GRAIN_DENSITY]:
         least = min(number_or_nan(each, cells.decimal_comma) for each in content)
         if least * parse_scale(column.heading.unit or "kg/m3").factor < LIGHTEST:
             yield "of the bulk or of the grains? Head it 'bulk density' or 'grain density'"
-
-
-def friction_velocity_ratio(height: float, roughness: float) -> float:
-    """Friction velocity over the wind at a height [1], by the law of the wall over a rough bed.
-
-        u* / U = kappa / ln(z / z0)
-
-    with z the height [m] above the bed, z0 its roughness length [m] and kappa von Karman's constant [1].
-    Holds in neutral air for z far above z0, within the lowest tenth of the boundary layer.
-
-    Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, section 17.1.2.
-    """
-    return KARMAN / log(height / roughness)
 
 
 @dataclass

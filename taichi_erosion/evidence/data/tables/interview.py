@@ -30,11 +30,11 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     columns_with_roles,
     condition_name_of_path,
     find_or_ask_unit,
-    friction_velocity_ratio,
     parse_roughness_length,
     refuse_other_answer,
     set_user_sd,
 )
+from taichi_erosion.measures.boundary_layer import friction_velocity_ratio
 from taichi_erosion.scene.physical_ranges import range_of
 from taichi_erosion.tables.cell_numbers import CellNumber, is_missing
 from taichi_erosion.tables.headings import (
@@ -59,8 +59,10 @@ from taichi_erosion.tables.number_columns import (
     is_height,
     mean_of_repeats,
     non_conditions,
+    numbers_of_simulation,
     own_name,
     ranges_of,
+    results_of_heaps,
     stem,
 )
 from taichi_erosion.tables.spreadsheet import Cells
@@ -95,6 +97,7 @@ def understand_columns(
     texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
     if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
         faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
+    faults += design_faults(cells, columns, options) if options.measures else ()
     interview.assume(*cells.notes)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
@@ -119,6 +122,16 @@ def understand_columns(
         )
     columns = [check_column_unit(find_or_ask_unit(column, reading), reading) for column in columns]
     return set_user_sd(columns, cells, options, faults)
+
+
+def design_faults(cells: Cells, columns: Sequence[Column], options: TableOptions) -> Iterator[str]:
+    """Columns of a design of simulations, which the user calls no conditions: nothing was measured there."""
+    free = [c for c in columns if c.numeric and (c.role in ("condition", "group", "unknown") or not c.firm)]
+    free = [c for c in free if not {c.heading.text, c.heading.name} & {*options.conditions}]
+    design = numbers_of_simulation({c.heading.text: [row[c.place] for _, row in cells.lines] for c in free})
+    if design:
+        words = f"numbers of a simulation or coded levels: `taichi-erosion audit {cells.file}` checks it"
+        yield f"{cells.file}: {', '.join(map(repr, design))} are {words}; {UNUSED}"
 
 
 def drop_wind_profiles(columns: list[Column], reading: Reading) -> list[Column]:
@@ -302,8 +315,10 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     clear = (c for c in unread if not (c.unread or c.unclear or c.name in WINDS))
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     results += [mean_of_repeats(results)]
+    beside = results_of_heaps(cells) if all(columns[k].name == "repose_angle" for k in measured) else {}
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
-    why = non_conditions(cells, results, by_heading, set_ups, conditions)
+    cells = {text: x for text, x in cells.items() if text not in beside}
+    why = beside | non_conditions(cells, results, by_heading, set_ups, conditions)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED

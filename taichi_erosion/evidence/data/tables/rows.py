@@ -22,13 +22,8 @@ from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.column_roles import (
-    LOWEST_WIND,
-    SHARES,
-    Column,
-    TableOptions,
-    friction_velocity_ratio,
-)
+from taichi_erosion.evidence.data.tables.column_roles import LOWEST_WIND, SHARES, Column, TableOptions
+from taichi_erosion.measures.boundary_layer import friction_velocity_ratio
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -194,7 +189,7 @@ def table_from_cells(
     if options is not None and options.complete:
         rows = drop_rows_lacking_conditions(reader, rows, options.titles.values(), notes)
     if not rows and not faults:
-        faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
+        faults.append(f"{cells.file}: no measured value; commas, semicolons or tabs separate columns")
     conditions = reader.columns_with("condition")
     names, units = tuple(each.title for each in conditions), tuple(c.heading.unit or None for c in conditions)
     set_names = {each.title for each in reader.columns_with("condition_sd") if each.is_set} | reader.classes
@@ -222,8 +217,8 @@ def drop_rows_lacking_conditions(
         if blank := [line for line, cell in bare.items() if not cell]:
             reader.faults.append(
                 f"{reader.cells.file}: {where} is blank in {row_list_text(blank)}, and other rows state it; "
-                "fill these cells (--fill-down: a blank cell repeats the one above it), write '-' where it "
-                "is not known, and the row is not used, or remove the row"
+                "write 0 where there is none, '-' where it is not known (the row is not used), or fill these "
+                "cells (--fill-down: a blank cell repeats the one above it)"
             )
         elif bare and column.role == "condition":
             notes.append(f"{where} is not known in {row_list_text([*bare])}: not used")
@@ -273,7 +268,9 @@ class RowReader:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
         places = [column.place for column in self.columns_with("condition")]
         if not self.tidy and (summary := word_of_summary_row(self.cells, row, places)):
-            message = f"row {line}, '{summary}': the row sums up others or is a statistic of them; remove it"
+            message = (
+                f"row {line}, '{summary}': the row sums up others, is a statistic or excluded; remove it"
+            )
             self.faults.append(f"{self.cells.file}: {message}")
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]

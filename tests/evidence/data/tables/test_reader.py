@@ -182,10 +182,12 @@ def test_a_percentage_of_a_workbook_is_what_it_shows(tmp_path):
 
 def test_the_first_sheet_with_a_table_is_read_and_the_others_are_told(tmp_path):
     words = (("Campaign 2026",), ("Contact", "J. Smith", "phone 0123"), ("Method", "laser sensor"))
-    april, may = ((("moisture [%]", "angle of repose [deg]"), (0, k), (1, k + 2)) for k in (31, 30))
+    april, may = ((("moisture [%]", head), (0, 31), (1, 33)) for head in ("repose angle [deg]", "clay [%]"))
     found = read(tmp_path, workbook(words, april, may), "t.xlsx")
     assert [row.value for row in found.rows] == [31.0, 33.0]
     assert "not read: 'Sheet', 'Sheet2'" in found.form
+    with pytest.raises(BadInput, match="sheets 'Sheet1', 'Sheet2' have the same headings"):
+        read(tmp_path, workbook(words, april, april), "t.xlsx")
 
 
 def test_the_sd_of_a_condition_is_its_error(tmp_path):

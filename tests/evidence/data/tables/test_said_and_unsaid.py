@@ -147,6 +147,8 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
     assert found.limit[3] == pytest.approx(1e-3 * limit)
     flux = load_study(tmp_path / "t" / "t.toml").problem.observables["flux"]
     assert (flux.transform, flux.floor) == ("log_floor", pytest.approx(max(1e-3 * limit, 8.5e-5)))
+    ranges = "u* (m/s);flux (g/m/s)\n0.3;0.1-2\n0.4;1-2.4\n"
+    assert measured(tmp_path, ranges, "r.csv", sd={"flux": "8 %"})[0].size == 2
 
 
 @pytest.mark.parametrize(
@@ -662,3 +664,27 @@ def test_grains_lie_anywhere_in_their_class(tmp_path):
     errors = condition_errors(comparison_rows(problem, problem.measurements))
     assert errors is not None
     assert errors.sd["diameter"] == pytest.approx(np.array([1e-4, 1e-4, 2.5e-4, 2.5e-4]) / 12**0.5)
+
+
+@pytest.mark.parametrize("columns", ["static friction;restitution;0.2;0.4", "A;B;-1;+1"])
+def test_a_design_of_simulations_or_of_coded_levels_is_audited(tmp_path, columns):
+    first, second, *levels = columns.split(";")
+    rows = "".join(f"{a};{b};{30 + len(a + b)};0.5\n" for a in levels for b in levels)
+    text = f"{first};{second};angle of repose (deg);SD\n{rows}"
+    assert "`taichi-erosion audit t.csv` checks it" in refused(tmp_path, text)
+
+
+def test_what_a_heap_has_beside_its_angle_is_no_condition_unless_it_is_set(tmp_path):
+    for count, densities in ((1, (612, 655, 640, 701, 688, 729)), (2, (600, 700, 650, 700, 650, 600))):
+        pairs = zip((0, 1, 2) * 2, densities, strict=True)
+        rows = "".join(f"{w};{x};{30 + w};0.5\n" for w, x in pairs)
+        assert len(measured(tmp_path, SALT.format("bulk density (kg/m3)") + rows)[0].conditions) == count
+
+
+def test_a_row_that_its_remark_excludes_and_a_dose_that_the_control_lacks_are_refused(tmp_path):
+    text = "moisture (%);angle of repose (deg);SD;remarks\n0;30;0.5;\n2;33;0.5;\n4;51;0.5;outlier, excluded\n"
+    assert "row 4, 'outlier, excluded'" in refused(tmp_path, text)
+    doses = [(salt, w) for salt in ("", 2, 6) for w in range(4)]
+    rows = [f"{'salted' if s else 'control'};{s};{w};{30 + w + 2 * (s or 0)};0.5\n" for s, w in doses]
+    text = f"treatment;salt content (g/kg);moisture (%);angle of repose (deg);SD\n{''.join(rows)}"
+    assert "blank in 4 rows (2, 3, 4, 5)" in refused(tmp_path, text)
