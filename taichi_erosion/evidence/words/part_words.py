@@ -132,11 +132,11 @@ def agrees(record: Record) -> bool:
 
 def doubt_text(record: Record) -> str:
     """What keeps a model that does not fail from agreement; empty where nothing does."""
+    if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
+        return "has a trend that the stated scatter would not make"
     wide = [(x.factor, x.repeats) for x in record.scatter if x.factor > UNLIKE]
     if unlike := [f for f, freedom in wide if chdtrc(freedom, freedom * f**2) < 0.5 * FAMILYWISE]:
         return f"agrees only because repeats scatter {plain(max(unlike), 2)} times as much as is stated"
-    if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
-        return "has a trend that the stated scatter would not make"
     rare = record.p_misfit < AGREED or record.p_lack_of_fit < AGREED
     return f"has a misfit that chance makes {RARELY}" * rare
 
