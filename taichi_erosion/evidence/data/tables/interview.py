@@ -128,6 +128,7 @@ def design_faults(cells: Cells, columns: Sequence[Column], options: TableOptions
     """Columns of a design of simulations, which the user calls no conditions: nothing was measured there."""
     free = [c for c in columns if c.numeric and (c.role in ("condition", "group", "unknown") or not c.firm)]
     free = [c for c in free if not {c.heading.text, c.heading.name} & {*options.conditions}]
+    free = [c for c in free if options.reads is not None or not c.name.startswith("contact.")]  # of a scene
     design = numbers_of_simulation({c.heading.text: [row[c.place] for _, row in cells.lines] for c in free})
     if design:
         words = f"numbers of a simulation or coded levels: `taichi-erosion audit {cells.file}` checks it"
