@@ -131,8 +131,9 @@ def design_faults(cells: Cells, columns: Sequence[Column], options: TableOptions
     free = [c for c in free if options.reads is not None or not c.name.startswith("contact.")]  # of a scene
     design = numbers_of_simulation({c.heading.text: [row[c.place] for _, row in cells.lines] for c in free})
     if design:
-        words = f"numbers of a simulation or coded levels: `taichi-erosion audit {cells.file}` checks it"
-        yield f"{cells.file}: {', '.join(map(repr, design))} are {words}; {UNUSED}"
+        audit = f"numbers of a simulation (`taichi-erosion audit {cells.file}` checks its design)"
+        words = f"{audit} or coded levels (write what was set); {UNUSED}"
+        yield f"{cells.file}: {', '.join(map(repr, design))} are {words}"
 
 
 def drop_wind_profiles(columns: list[Column], reading: Reading) -> list[Column]:

@@ -671,7 +671,7 @@ def test_a_design_of_simulations_or_of_coded_levels_is_audited(tmp_path, columns
     first, second, *levels = columns.split(";")
     rows = "".join(f"{a};{b};{30 + len(a + b)};0.5\n" for a in levels for b in levels)
     text = f"{first};{second};angle of repose (deg);SD\n{rows}"
-    assert "`taichi-erosion audit t.csv` checks it" in refused(tmp_path, text)
+    assert "`taichi-erosion audit t.csv` checks its design" in refused(tmp_path, text)
 
 
 def test_what_a_heap_has_beside_its_angle_is_no_condition_unless_it_is_set(tmp_path):
