@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from taichi_erosion.api.notebook import WholeTable, result_html, table_of_rows
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import out_of_range_text
@@ -112,15 +110,6 @@ class RaceResult(Result):
         draws = self.reply.posterior.draw_numbers_and_strengths(DRAWS).items()
         columns = {name: (("chain", "draw"), values[None]) for name, values in draws}
         return xr.Dataset(columns, {"chain": [0], "draw": range(DRAWS)})
-
-    def to_inference_data(self) -> Any:
-        """The draws for ArviZ. Raises BadInput where it is not installed."""
-        try:
-            arviz = import_module("arviz")
-        except ImportError:
-            raise BadInput("to_inference_data: ArviZ is not installed; `pip install arviz`") from None
-        convert = getattr(arviz, "convert_to_inference_data", None) or arviz.convert_to_datatree
-        return convert(self.posterior)
 
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""

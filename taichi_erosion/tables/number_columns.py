@@ -16,6 +16,7 @@ from taichi_erosion.tables.headings import (
     has_word,
     is_summary_word,
     known_words,
+    meaning_of,
     plain_words,
     read_heading,
     words_of,
@@ -40,6 +41,7 @@ NUMBERED = re.compile(
 )
 NumbersByHeading = Mapping[str, Floats]
 RARE = 0.05  # chance below which a column with blank cells may act: it is asked
+AXIAL = 2.0  # largest coded level of a central composite design
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
 SHARED = 0.95  # share of what varies at one value that they explain
@@ -47,7 +49,7 @@ REPEATED = 0.2  # share of rows that repeat others in a design with repeats, at 
 YEARS = (1900.0, 2100.0)
 RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
     r"\b(?:tan\b|tangen|predict|residual|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|"
-    r"trapped|loss|error|hausner|mass of sand|sand mass|weight of sand)"
+    r"trapped|loss|error|relativer fehler|erreur relat|相对误差|hausner|(?:mass|weight) of sand|sand mass)"
 )
 
 
@@ -177,19 +179,22 @@ def ranges_of(words: Sequence[str], conditions: Mapping[str, Sequence[float]]) -
 
 def numbers_of_simulation(columns: Mapping[str, Sequence[str]]) -> list[str]:
     """Headings of two columns or more that vary, of numbers that a simulation sets or coded levels."""
-    words, levels = known_words()["numbers"]["simulation"], {-1.0, 0.0, 1.0}
-    numbers = {text: {number_or_nan(cell, False) for cell in cells} for text, cells in columns.items()}
-    coded = {text for text, some in numbers.items() if -1.0 in some <= levels}
-    factors = [t for t, some in numbers.items() if len(some) > 1 and (t in coded or has_word(t, words))]
-    return factors if len(factors) > 1 else []
+    words, factors, clear = known_words()["numbers"], list[str](), False
+    for text, cells in columns.items():
+        levels = {x for cell in cells if not np.isnan(x := number_or_nan(cell.replace(",", "."), False))}
+        coded = {-1.0, 1.0} <= levels == {-x for x in levels} and max(levels) <= AXIAL
+        coded &= meaning_of(text)[0] == "unknown" and not read_heading(text).unit
+        strong = has_word(text, words["simulation"])
+        if len(levels) > 1 and (coded or strong or has_word(text, words["contact"])):
+            factors, clear = [*factors, text], clear or coded or strong
+    return factors if clear and len(factors) > 1 else []
 
 
-def results_of_heaps(columns: NumbersByHeading) -> dict[str, str]:
-    """Columns, with the reason, of what a heap of grains has beside its angle, unless it is set by hand."""
-    words = known_words()["numbers"]["heap"]
-    return {
-        text: RESULT for text, x in columns.items() if has_word(text, words) and not is_set_by_hand(text, x)
-    }
+def results_of_heaps(columns: NumbersByHeading) -> list[str]:
+    """Headings of what a heap of grains may have beside its angle: different in all rows, in uneven steps."""
+    names = [text for text in columns if has_word(text, known_words()["numbers"]["heap"])]
+    different = [text for text in names if np.unique(columns[text]).size == columns[text].size > 1]
+    return [text for text in different if not is_set_by_hand(text, columns[text])]
 
 
 def value_set_numbers(columns: Sequence[Floats]) -> Floats:

@@ -218,11 +218,11 @@ def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     sheets = [(title, rows) for title, rows in visible_sheets(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
-    title, rows = next((sheet for sheet in sheets if sheet_holds_table(sheet[1])), sheets[0])
-    heading = next((row for _, row in rows if sum(v not in (None, "") for v in row) > 1), None)
-    if alike := [other for other, lines in sheets if other != title and heading in [row for _, row in lines]]:
-        words = "have the same headings: write one below the other, with a column 'set-up' that names each"
-        raise BadInput(f"{name}: sheets {', '.join(map(repr, (title, *alike)))} {words}")
+    title, rows = next((sheet for sheet in sheets if sheet_heading(sheet[1])), sheets[0])
+    alike = [other for other, lines in sheets if sheet_heading(lines) == sheet_heading(rows)]
+    if len(alike) > 1 and sheet_heading(rows):
+        words = "write one below the other, with a column 'set-up' that names each; hide what is there twice"
+        raise BadInput(f"{name}: sheets {', '.join(map(repr, alike))} have the same headings: {words}")
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
     others = ", ".join(repr(other) for other, _ in sheets if other != title)
     form = f"workbook, sheet '{title}'" + (f" (not read: {others})" if others else "")
@@ -230,10 +230,11 @@ def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     return [(line, [workbook_cell_text(value, mark) for value in row]) for line, row in rows], comma, form
 
 
-def sheet_holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
-    """Whether a sheet has two numbers or more in a row, in two rows or more."""
-    texts = ([workbook_cell_text(value, ".") for value in values] for _, values in rows)
-    return sum(sum(is_quantity(text) for text in row if has_digit([text])) > 1 for row in texts) > 1
+def sheet_heading(rows: Sequence[tuple[int, list[Any]]]) -> list[str]:
+    """Plain words above the first of two rows or more with two numbers; empty where a sheet has no table."""
+    texts = [[workbook_cell_text(value, ".") for value in values] for _, values in rows]
+    places = [k for k, row in enumerate(texts) if sum(is_quantity(x) and has_digit([x]) for x in row) > 1]
+    return [*filter(None, map(plain_words, texts[places[0] - 1]))] if len(places) > 1 and places[0] else []
 
 
 def visible_sheets(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, list[Any]]]]]:
@@ -323,7 +324,7 @@ def with_one_heading(rows: Lines) -> Lines:
         return rows
     headings, last = list[str](), ""
     for text, under in zip_longest(above, below, fillvalue=""):
-        last = "" if plain_words(text) in known_words()["rows"]["section"] else text or last
+        last = "" if plain_words(text) in ((), known_words()["rows"]["section"])[not units] else text or last
         name, unit = last if under else text, strip_brackets(under)
         if name and unit_in(unit):
             under = "" if read_heading(name).unit else f"[{unit}]"
@@ -441,7 +442,8 @@ def word_of_summary_row(cells: Cells, row: Sequence[str], conditions: Sequence[i
     Or one of a statistic, `F`, `LSD`, `Tukey HSD`: with fewer cells than others have, among rows that are
     numbered, or by a word that names nothing else; `slope` may be a site. Or one by which it does not count.
     """
-    if out := [cell for cell in row if has_word(cell, known_words()["rows"]["excluded"])]:
+    parts = ((cell, plain_words(part)) for cell in row for part in re.split(r"[,;:()–-]", cell))
+    if out := [cell for cell, part in parts if part in known_words()["rows"]["excluded"]]:
         return out[0]
     odd = word_among_numbers(cells, row, conditions)
     label = odd or next(filter(None, row), "")

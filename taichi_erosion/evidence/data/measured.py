@@ -20,6 +20,7 @@ from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     SOLO_ROWS,
+    STANDARD_ERROR,
     Faults,
     Row,
     Table,
@@ -178,7 +179,8 @@ def notes_on_cells(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
     """What is assumed of the cells of a laboratory's table."""
     for column in (each for each in columns if each.role in SPREAD_WORDS):
         if any(sign in row[column.place] for _, row in cells.lines for sign in ("±", "+-", "+/-")):
-            yield f"± in '{column.heading.text}' is the standard deviation of {SPREAD_WORDS[column.role]}"
+            what, text = f"deviation of {SPREAD_WORDS[column.role]}", column.heading.text
+            yield f"± in '{text}' is the standard {'error' if STANDARD_ERROR.search(text) else what}"
     if not any(column.role == "n" or column.heading.repeats for column in columns):
         yield "no column counts repeats: n is left empty, and a value counts as one measurement"
 

@@ -56,7 +56,7 @@ def test_a_hidden_effect_is_found_named_and_adopted(study_of):
     discovered = ask("discover", study, options=QUICK).record
     compared = ask("compare", study, options=QUICK).record
     assert compared.p_misfit < 0.01
-    assert "moisture" in {place.axis for place in compared.where if place.p < 0.05}
+    assert "moisture" in {place.axis for place in compared.where if place.p_as_stated < 0.05}
     assert discovered.named == (HIDDEN,)
 
     adopted = ask("adopt", study, HIDDEN, options=QUICK).record

@@ -34,6 +34,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     refuse_other_answer,
     set_user_sd,
 )
+from taichi_erosion.evidence.data.tables.rows import ERROR_OF_MEAN, STANDARD_ERROR
 from taichi_erosion.measures.boundary_layer import friction_velocity_ratio
 from taichi_erosion.scene.physical_ranges import range_of
 from taichi_erosion.tables.cell_numbers import CellNumber, is_missing
@@ -73,7 +74,8 @@ SPREADS = {"sd": "the standard deviation of single repeats", "se": "the standard
 SPREADS |= {NOT_USED: "not used"}
 BESIDE = "the repeats stand beside it"
 UNREAD = "no effect of the model reads it"
-ASKED, COMPUTED = "asked", "begin its heading with 'note' if it is computed from it, or say"
+ASKED = f"{AGAIN}: begin its heading with 'note' if it is computed from it, or say"
+BESIDE_ANGLE = "a heap has it beside its angle: begin its heading with 'note' if it was measured, or say"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
@@ -94,6 +96,9 @@ def understand_columns(
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = columns_with_roles(cells, options, faults)
     signs = any("±" in row[c.place] for _, row in cells.lines for c in columns if c.role == "observable")
+    if signs and re.search(f"{STANDARD_ERROR.pattern}|{ERROR_OF_MEAN}", cells.titles):
+        remedy = "write a column 'SE' with n, or the sd of repeats"
+        faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
     texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
     if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
         faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
@@ -317,14 +322,15 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     clear = (c for c in unread if not (c.unread or c.unclear or c.name in WINDS))
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     results += [mean_of_repeats(results)]
-    beside = results_of_heaps(cells) if all(columns[k].name == "repose_angle" for k in measured) else {}
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
-    cells = {text: x for text, x in cells.items() if text not in beside}
-    why = beside | non_conditions(cells, results, by_heading, set_ups, conditions)
+    why = non_conditions(cells, results, by_heading, set_ups, conditions)
+    if len(values) > 1 and all(c.name == "repose_angle" for c in columns if c.role == "observable"):
+        why |= dict.fromkeys(results_of_heaps({k: x for k, x in cells.items() if k not in why}), BESIDE_ANGLE)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
-    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason != ASKED]:
+    asked = ASKED, BESIDE_ANGLE
+    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason not in asked]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
     alone = [c for c, x in values.items() if follows(x, set_ups)]
     alone = alone if len(alone) < len(values) else []
@@ -342,9 +348,9 @@ def settle_unread_columns(
     names = [*RESERVED, *(c.title for c in columns if c.role == "condition" and c not in why)]
     for column in columns:
         reason, text = why.get(column), column.heading.text
-        if reason == ASKED:
+        if reason in (ASKED, BESIDE_ANGLE):
             condition = f"{column.heading.name}={column.heading.unit or 'UNIT'}"
-            column = reading.reject(column, f"{AGAIN}: {COMPUTED} --condition '{condition}' where it was set")
+            column = reading.reject(column, f"{reason} --condition '{condition}' where it was set")
         elif column in why and column.name.startswith("contact.") and not column.unclear:
             wrong = f"sets {column.name}, which is calibrated: leave out --closed-form; {UNUSED}"
             column = reading.reject(column, wrong)
@@ -468,21 +474,20 @@ def link_sd_and_n_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         words = plain_words(column.heading.name)
         named = (c for c in quantities if word_length(plain_words(c.heading.name), words))
         owners = sorted(named, key=lambda each: len(each.heading.name))[-1:] or before
-        left = [each for each in measured if each.place < column.place][-1:]
-        partner = ([each for each in owners if each in measured] or left or measured)[0]
+        left = [each for each in measured if each.place < column.place or each in owners]
+        partner = max(left or measured[:1], key=lambda each: (each in owners, each.place))
         shared = column.role == "n" and len(measured) > 1 and partner not in owners
-        why = ""
-        if repeated and (shared or partner.name in repeated):
-            why = BESIDE
-        elif owners and partner not in owners and column.role != "n":
-            why = f"it belongs to '{owners[0].heading.text}'"
+        is_beside = repeated and (shared or partner.name in repeated)
+        is_of_other = owners and partner not in owners and column.role != "n"
+        why = BESIDE if is_beside else f"it belongs to '{owners[0].heading.text}'" if is_of_other else ""
         numbers = [reading.numbers(each) or [CellNumber(0.0)] for each in (column, partner)]
-        unit, sizes = column.heading.unit or numbers[0][0].unit, [[abs(x.value) for x in n] for n in numbers]
+        units, sizes = {each.unit for each in numbers[0]}, [[abs(x.value) for x in n] for n in numbers]
+        unit = column.heading.unit or max(units if len(units) == 1 else {"several"})
         if column.role in ("sd", "se") and not unit and median(sizes[0]) > median(sizes[1]):
             why = f"its numbers are larger than those of '{partner.heading.text}'"
-        reading.interview.assume(f"column '{column.heading.text}' is not used: {why}" if why else "")
         role = "remark" if why else column.role
+        why = f"column '{column.heading.text}' is not used: {why}" if why else ""
         if role == "sd" and unit == "%" != partner.heading.unit:
-            reading.interview.assume(f"'{column.heading.text}' counts in % of '{partner.heading.text}'")
-            role = "cv"
+            role, why = "cv", f"'{column.heading.text}' counts in % of '{partner.heading.text}'"
+        reading.interview.assume(why)
         yield replace(column, role=role, of=-1 if shared else partner.place)

@@ -22,7 +22,7 @@ from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.column_roles import LOWEST_WIND, SHARES, Column, TableOptions
+from taichi_erosion.evidence.data.tables.column_roles import LOWEST_WIND, SHARES, UNUSED, Column, TableOptions
 from taichi_erosion.measures.boundary_layer import friction_velocity_ratio
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
@@ -55,9 +55,9 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
 NAME = re.compile(r"[^\W\d_]\w{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>.+)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
-STANDARD_ERROR = re.compile(
-    r"(?i)±\s*s\.?e|\bsem\b|standard ?(?:error|fehler)|erreur[- ]type|error est[aá]ndar|erro padr[aã]o|标准误"
-)
+ERROR_OF_MEAN = r"(?:std\.? err(?:or)?|standard ?(?:errors?|fehler)|erreur[- ]type|error est[aá]ndar"
+ERROR_OF_MEAN += r"|erro padr[aã]o|标准误差?|標準誤差|стандартная ошибка)(?!\w)"
+STANDARD_ERROR = re.compile(rf"(?i)(?:±|\+/-|\+-)\s*1?\s*(?:s\.?\s?e\.?(?:\s?m\.?)?(?!\w)|{ERROR_OF_MEAN})")
 MOST_REPEATS = 10**9
 MOST_SCATTER = 10.0  # sd of a measurement over its value
 SHOWN = 40  # characters of a cell that a message repeats
@@ -218,7 +218,7 @@ def drop_rows_lacking_conditions(
             reader.faults.append(
                 f"{reader.cells.file}: {where} is blank in {row_list_text(blank)}, and other rows state it; "
                 "write 0 where there is none, '-' where it is not known (the row is not used), or fill these "
-                "cells (--fill-down: a blank cell repeats the one above it)"
+                f"cells (--fill-down: a blank cell repeats the one above it); {UNUSED}"
             )
         elif bare and column.role == "condition":
             notes.append(f"{where} is not known in {row_list_text([*bare])}: not used")
@@ -304,11 +304,10 @@ class RowReader:
             return None
         n = next((self.count(line, row, each) for each in self.partner_columns("n", column)), None)
         counting = column, *self.partner_columns("sd", column), *self.partner_columns("se", column)
-        is_error = STANDARD_ERROR.search(f"{self.cells.titles} {column.heading.text}") and not isnan(cell.sd)
-        headings = [each.heading for each in counting] + [read_heading(self.cells.titles)] * bool(is_error)
-        n = n or max(each.repeats for each in headings) or None
+        n = n or max(each.heading.repeats for each in counting) or None
         sd = self.read_sd(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
-        sd = self.sd_of_standard_error(line, row, column, sd, n) if is_error else sd
+        if not isnan(cell.sd) and STANDARD_ERROR.search(column.heading.text):
+            sd = self.sd_of_standard_error(line, row, column, sd, n)
         if sd > MOST_SCATTER * abs(cell.value) > 0.0:
             self.add_fault(line, column, row, f"has a scatter of {sd:g}: leave it away where it is not known")
         if sd == 0.0:  # of a few repeats that differ by less than a digit

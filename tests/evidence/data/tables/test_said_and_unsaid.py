@@ -512,11 +512,11 @@ def test_a_ditto_mark_is_the_cell_above(tmp_path, mark):
 def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
     rows = "".join(f"{w};{30 + w} ± 0.5\n" for w in range(6))
     text = f"Angles, mean {{}}\nmoisture (%);angle of repose (deg)\n{rows}"
-    assert "has a standard error: give n" in refused(tmp_path, text.format("± SE"))
+    assert "make ± a standard error" in refused(tmp_path, text.format("± SE"))
     assert "± is '2 SD': write the sd of single repeats" in refused(tmp_path, text.format("± 2 SD"))
     assert np.all(measured(tmp_path, text.format("± SD"))[0].sd == 0.5)
-    assert np.allclose(measured(tmp_path, text.format("± SEM, n = 4"))[0].sd, 1.0)
-    assert np.allclose(measured(tmp_path, text.format("").replace("(deg)", "± SE (deg, n = 9)"))[0].sd, 1.5)
+    for sign, sd in (("± SE (deg, n = 9)", 1.5), ("± SEM (deg) n = 4", 1.0), ("± sensor error (deg)", 0.5)):
+        assert np.allclose(measured(tmp_path, text.format("").replace("(deg)", sign))[0].sd, sd)
 
 
 def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
