@@ -161,7 +161,7 @@ def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, t
     for part in ("Screening", "Steepest ascent", "Response surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
-    assert len(pictures) == 7
+    assert len(pictures) == 5
     assert all((page.parent / picture).stat().st_size > 1000 for picture in pictures)
     report = write_report(found.file.path, tmp_path / "calibration.html")
     text = report.read_text(encoding="utf-8")

@@ -1,12 +1,9 @@
 """Every script of a study can be imported from the repository root, and says how it is used."""
 
-import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-
-from doe.common.command import run_step
 
 ROOT = Path(__file__).parents[2]
 MODULES = [
@@ -21,18 +18,3 @@ def test_a_module_is_imported_by_its_name(name: str):
     module = import_module(name)
     if '__name__ == "__main__"' in Path(str(module.__file__)).read_text(encoding="utf-8"):
         assert f"python -m {name}" in (module.__doc__ or "")
-
-
-@pytest.mark.parametrize(
-    ("asked", "code", "out", "err"),
-    [
-        (["--help"], 0, "usage\n", ""),
-        *((words, 2, "", "usage\n") for words in ([], ["bake"], ["make", "solve"])),
-        (["make"], "made", "", ""),
-    ],
-)
-def test_a_known_step_runs_and_anything_else_prints_the_usage(asked, code, out, err, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["run", *asked])
-    with pytest.raises(SystemExit) as ended:
-        run_step("usage", {"make": lambda: sys.exit("made"), "solve": list})
-    assert (ended.value.code, *capsys.readouterr()) == (code, out, err)

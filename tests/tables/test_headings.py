@@ -20,7 +20,7 @@ repose_angle: Winkel der Böschung 1/° -> °; angle of repose (o) -> deg
 repose_angle: angle of repose, mean ± SD (deg.) -> deg; AoR of 5 tests ° -> °
 repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
 threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
-conditions.fetch: Distance from leading edge (m) -> m; Field length (m) -> m
+conditions.fetch: Distance from leading edge (m) -> m; Field length (m) -> m; fetch / m -> m
 conditions.moisture: Humidity of sand (%) -> %; moisture before the run (%) -> %; 试验前含水率 (%) -> %
 threshold_u_star: friction velocity at threshold (m/s) -> m/s; Threshold friction velocity ->
 threshold_u_star: Grenzschubspannungsgeschwindigkeit ->
@@ -30,7 +30,7 @@ conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moist
 conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water content (g 100 g-1) -> %
 conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
 grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; d [mm] -> mm
-grains.size.diameter: Md (mm) -> mm
+grains.size.diameter: Md (mm) -> mm; Diameter, µm -> µm
 conditions.width: cell thickness (mm) -> mm; Gap W (mm) -> mm
 conditions.roughness_length: aerodynamic roughness length z₀ (mm) -> mm
 conditions.spread: d90/d50 (-) -> 1
@@ -64,14 +64,9 @@ Schüttwinkel (°, N = 3) | Schüttwinkel | ° | 3
 angle of repose, mean of 4 (deg) | angle of repose, mean of | deg | 4
 u*t [m/s], 3 replicates | u*t , | m/s | 3
 n = 3 | n = 3 |  | 0
-d50 [mm] | d50 | mm | 0
-fetch / m | fetch | m | 0
 percent slope | percent slope | deg | 0
 percentile d50 | percentile d50 |  | 0
-Wassergehalt (Gew.-%) | Wassergehalt | % | 0
 Schüttwinkel (Mittelwert) [°] | Schüttwinkel (Mittelwert) | ° | 0
-Diameter, µm | Diameter | µm | 0
-Winkel ° | Winkel | ° | 0
 T (C) | T | degC | 0
 Versuch (neu) | Versuch (neu) |  | 0
 """  # heading, name, unit, repeats; the numbers of a slope in percent are turned

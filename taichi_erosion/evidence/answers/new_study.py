@@ -396,7 +396,7 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
             own_conditions[CONDITION + name], conditions[name] = unit, CONDITION + name
     said_of = wishes.table_options
     effects = load_library(read_effect_files(wishes.effects)).values()
-    ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
+    ignored = {CONDITION + n for n in {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))}
     optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
     for text, place in said_of.conditions.items():
         unit = headings.unit_in(place)
@@ -408,18 +408,22 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
         conditions[text] = CONDITION + (own_name(f"{name} {unit}", (), 0) if is_other else name)
         own_conditions.setdefault(conditions[text], unit)
     options = replace(said_of, roughness=wishes.roughness, sd=wishes.sd, fill_down=wishes.fill_down)
-    options = replace(options, reads=frozenset(READS) if wishes.closed_form else None, complete=True)
+    known = {*headings.known_words()["conditions"], *conditions.values()} - ignored
+    reads = None if wishes.scene is not None else frozenset(known)  # such a scene declares what it has
+    reads = frozenset(READS) if wishes.closed_form else reads
+    options = replace(options, reads=reads, complete=True)
     options = replace(options, optional=frozenset(optional), measures=tuple(measures), conditions=conditions)
-    options = replace(options, ignored=frozenset(CONDITION + name for name in ignored))
     return replace(options, observables=observables | dict(said_of.observables), own_units=own_conditions)
 
 
 def extra_condition_units(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    units_of_user = request.table_options.own_units
-    units = {path: unit for path, unit in units_of_user.items() if unit_at_path(path) is None}
-    units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
-    return {path.removeprefix(CONDITION): unit for path, unit in units.items()}
+    stated = zip(request.table.conditions, request.table.units, strict=True)
+    units = {request.places[name]: unit or "1" for name, unit in stated if name in request.places}
+    units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in units}
+    units |= request.table_options.own_units
+    own = [path for path in units if path.startswith(CONDITION) and unit_at_path(path) is None]
+    return {path.removeprefix(CONDITION): units[path] for path in own}
 
 
 def template_of_own_scene(file: Path, request: StudyRequest) -> Template:

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator
 from math import isfinite, log
 
 import numpy as np
-from scipy.special import chdtrc
 
 from taichi_erosion.evidence import record as parts
 from taichi_erosion.evidence.race.priors import ADEQUATE, FAMILYWISE, SURE
@@ -132,6 +131,8 @@ def agrees(record: Record) -> bool:
 
 def doubt_text(record: Record) -> str:
     """What keeps a model that does not fail from agreement; empty where nothing does."""
+    from scipy.special import chdtrc
+
     if any(each.p_as_stated < ADEQUATE for each in record.where):  # and what rows scatter would
         return "has a trend that the stated scatter would not make"
     wide = [(x.factor, x.repeats) for x in record.scatter if x.factor > UNLIKE]

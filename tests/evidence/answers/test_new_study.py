@@ -305,7 +305,7 @@ def test_a_slope_without_a_unit_is_asked_for_whatever_the_table_and_the_model(tm
         assert document["conditions"]["slope"] == "0 to 10 deg"
 
 
-def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks(tmp_path):
+def test_a_column_that_no_effect_of_scenes_reads_is_a_condition_but_for_blanks(tmp_path):
     head = "diameter [mm],salt content [g/kg],repose angle [deg],sd"
     rows = "\n1,,28,0.6\n1,5,28.4,0.5\n2,5,27,0.5\n"
     document, _ = made(tmp_path, head + rows, NewStudyOptions())
@@ -313,6 +313,12 @@ def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks
     assert "not used: 'salt content [g/kg]' (it is not known in every row)" in document["assumed"]
     with pytest.raises(BadInput, match="is blank in row 2"):
         made(tmp_path, head.replace("salt content [g/kg]", "moisture [%]") + rows, NewStudyOptions())
+    _, study = made(
+        tmp_path, head.replace("salt", "straw") + rows.replace(",,", ",0,"), NewStudyOptions(anew=True)
+    )
+    assert study.problem.measurements.conditions["straw_content"].tolist() == [0.0, 5.0, 5.0]
+    scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
+    assert scene.conditions.extra["straw_content"].unit == "g/kg"
 
 
 SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 [mm],size_spread,d [mm],n

@@ -111,7 +111,6 @@ class TableOptions:
     own_units: Mapping[str, str] = field(default_factory=dict)  # of places of the user's own
     sd: Mapping[str, str] = field(default_factory=dict)  # heading or observable -> scatter of single repeats
     fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
-    ignored: frozenset[str] = frozenset()  # places of scenes that no effect reads
     complete: bool = False  # a condition that one row states must be stated by all
     reads: frozenset[str] | None = None  # by the model; others are kept as conditions; None: as they are
 

@@ -309,7 +309,7 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
-        return [drop_column_with_blanks(column, rows, reading) for column in columns]
+        return list(columns)
     unread = [c for c in columns if c.role == "condition" and c.name not in reads.difference(AIR)]
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
@@ -402,16 +402,6 @@ def drop_row_numbers(columns: list[Column], reading: Reading) -> list[Column]:
         reading.interview.assume(f"not used: '{numbers.heading.text}' (it numbers the rows)")
         columns = [replace(each, role="remark") if each is numbers else each for each in columns]
     return columns
-
-
-def drop_column_with_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
-    """A column, not used where it is blank in some rows and no effect of scenes reads it."""
-    options = reading.options
-    named = options.fill_down or column.name in options.conditions.values() or column.role != "condition"
-    if named or column.name not in options.ignored or all(row[column.place] for row in rows):
-        return column
-    reading.interview.assume(f"not used: '{column.heading.text}' (it is not known in every row)")
-    return replace(column, role="remark")
 
 
 def join_repeat_columns(columns: Sequence[Column], reading: Reading) -> list[Column]:

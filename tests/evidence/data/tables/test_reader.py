@@ -207,7 +207,7 @@ def test_columns_are_what_the_user_answers(tmp_path):
     with pytest.raises(BadInput, match="means repose_angle, as column"):
         read(tmp_path, text, ask=told("n"))
     with pytest.raises(BadInput, match="no scene measures 'Quark'; known: repose_angle"):
-        read(tmp_path, text, ask=lambda words, _: "Quark" * ("used, --condition 'W1=UNIT' for" in words))
+        read(tmp_path, text, ask=lambda words, _: "Quark" * words.startswith("Column 'W1"))
 
 
 @pytest.mark.parametrize(
