@@ -74,7 +74,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
 
 def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     """Runs side by side above, figures and texts below; without runs the figures have the room."""
-    summary = rrb.TextDocumentView(name="What was summary", origin="/summary")
+    summary = rrb.TextDocumentView(name="Summary", origin="/summary")
     texts = rrb.Tabs(summary, rrb.TextDocumentView(name="All runs", origin="/table"))
     figures = [rrb.Spatial2DView(name=name, origin=f"/{figure_entity_path(name)}") for name in page.figures]
     if not films:
