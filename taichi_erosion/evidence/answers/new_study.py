@@ -408,8 +408,8 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
         conditions[text] = CONDITION + (own_name(f"{name} {unit}", (), 0) if is_other else name)
         own_conditions.setdefault(conditions[text], unit)
     options = replace(said_of, roughness=wishes.roughness, sd=wishes.sd, fill_down=wishes.fill_down)
-    known = {*headings.known_words()["conditions"], *conditions.values()} - ignored
-    reads = None if wishes.scene is not None else frozenset(known)  # such a scene declares what it has
+    places = {*headings.known_words()["conditions"], *conditions.values()} - ignored
+    reads = None if wishes.scene is not None else frozenset(places)  # such a scene declares what it has
     reads = frozenset(READS) if wishes.closed_form else reads
     options = replace(options, reads=reads, complete=True)
     options = replace(options, optional=frozenset(optional), measures=tuple(measures), conditions=conditions)
@@ -418,12 +418,12 @@ def table_options(wishes: NewStudyOptions) -> TableOptions:
 
 def extra_condition_units(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    stated = zip(request.table.conditions, request.table.units, strict=True)
-    units = {request.places[name]: unit or "1" for name, unit in stated if name in request.places}
+    columns = zip(request.table.conditions, request.table.units, strict=True)
+    units = {request.places[name]: unit or "1" for name, unit in columns if name in request.places}
     units |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in units}
     units |= request.table_options.own_units
-    own = [path for path in units if path.startswith(CONDITION) and unit_at_path(path) is None]
-    return {path.removeprefix(CONDITION): units[path] for path in own}
+    paths = [path for path in units if path.startswith(CONDITION) and unit_at_path(path) is None]
+    return {path.removeprefix(CONDITION): units[path] for path in paths}
 
 
 def template_of_own_scene(file: Path, request: StudyRequest) -> Template:

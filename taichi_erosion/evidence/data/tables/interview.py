@@ -329,8 +329,8 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
-    asked = ASKED, BESIDE_ANGLE
-    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason not in asked]:
+    questions = ASKED, BESIDE_ANGLE
+    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason not in questions]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
     alone = [c for c, x in values.items() if follows(x, set_ups)]
     alone = alone if len(alone) < len(values) else []
