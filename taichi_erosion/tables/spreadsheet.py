@@ -219,14 +219,14 @@ def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
     title, rows = next((sheet for sheet in sheets if sheet_heading(sheet[1])), sheets[0])
-    alike = [other for other, lines in sheets if sheet_heading(lines) == sheet_heading(rows)]
-    if len(alike) > 1 and sheet_heading(rows):
+    heading = sheet_heading(rows)
+    alike = [other for other, lines in sheets if heading and sheet_heading(lines) == heading]
+    if len(alike) > 1:
         words = "write one below the other, with a column 'set-up' that names each; hide what is there twice"
         raise BadInput(f"{name}: sheets {', '.join(map(repr, alike))} have the same headings: {words}")
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
-    others = ", ".join(repr(other) for other, _ in sheets if other != title)
+    others, mark = ", ".join(repr(other) for other, _ in sheets if other != title), "," if comma else "."
     form = f"workbook, sheet '{title}'" + (f" (not read: {others})" if others else "")
-    mark = "," if comma else "."
     return [(line, [workbook_cell_text(value, mark) for value in row]) for line, row in rows], comma, form
 
 
@@ -322,9 +322,9 @@ def with_one_heading(rows: Lines) -> Lines:
         return [(line, above), *others]  # numbers of repeats
     if len(filled) < 2 or numbers or not (units or has_merged):
         return rows
-    headings, last = list[str](), ""
+    headings, last, sections = list[str](), "", () if units else known_words()["rows"]["section"]
     for text, under in zip_longest(above, below, fillvalue=""):
-        last = "" if plain_words(text) in ((), known_words()["rows"]["section"])[not units] else text or last
+        last = "" if plain_words(text) in sections else text or last
         name, unit = last if under else text, strip_brackets(under)
         if name and unit_in(unit):
             under = "" if read_heading(name).unit else f"[{unit}]"

@@ -268,10 +268,8 @@ class RowReader:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
         places = [column.place for column in self.columns_with("condition")]
         if not self.tidy and (summary := word_of_summary_row(self.cells, row, places)):
-            message = (
-                f"row {line}, '{summary}': the row sums up others, is a statistic or excluded; remove it"
-            )
-            self.faults.append(f"{self.cells.file}: {message}")
+            message = "the row sums up others, is a statistic or is excluded: remove it"
+            self.faults.append(f"{self.cells.file}: row {line}, '{summary}': {message}")
             return
         numbers = [(each.title, self.read_number(line, row, each)) for each in self.columns_with("condition")]
         classes = {name: number.reach / sqrt(3.0) for name, number in numbers if 0.0 < number.reach < inf}

@@ -666,7 +666,7 @@ def test_grains_lie_anywhere_in_their_class(tmp_path):
     assert errors.sd["diameter"] == pytest.approx(np.array([1e-4, 1e-4, 2.5e-4, 2.5e-4]) / 12**0.5)
 
 
-@pytest.mark.parametrize("columns", ["static friction;restitution;0.2;0.4", "A;B;-1;+1"])
+@pytest.mark.parametrize("columns", ["static friction;restitution;0.2;0.4", "A;B;-1;+1;-1,41;1,41;0"])
 def test_a_design_of_simulations_or_of_coded_levels_is_audited(tmp_path, columns):
     first, second, *levels = columns.split(";")
     rows = "".join(f"{a};{b};{30 + len(a + b)};0.5\n" for a in levels for b in levels)
@@ -685,7 +685,6 @@ def test_what_a_heap_has_beside_its_angle_is_asked_unless_it_is_set(tmp_path):
 def test_a_row_that_its_remark_excludes_and_a_dose_that_the_control_lacks_are_refused(tmp_path):
     text = "moisture (%);angle of repose (deg);SD;remarks\n0;30;0.5;\n2;33;0.5;\n4;51;0.5;outlier, excluded\n"
     assert "row 4, 'outlier, excluded'" in refused(tmp_path, text)
-    doses = [(salt, w) for salt in ("", 2, 6) for w in range(4)]
-    rows = [f"{'salted' if s else 'control'};{s};{w};{30 + w + 2 * (s or 0)};0.5\n" for s, w in doses]
+    rows = [f"salt{s};{s};{w};{30 + w + 2 * (s or 0)};0.5\n" for s in ("", 2, 6) for w in range(4)]
     text = f"treatment;salt content (g/kg);moisture (%);angle of repose (deg);SD\n{''.join(rows)}"
     assert "blank in 4 rows (2, 3, 4, 5)" in refused(tmp_path, text)
