@@ -222,7 +222,7 @@ def rows_of_workbook(content: bytes, name: str) -> tuple[Lines, bool, str]:
     heading = sheet_heading(rows)
     alike = [other for other, lines in sheets if heading and sheet_heading(lines) == heading]
     if len(alike) > 1:
-        words = "write one below the other, with a column 'set-up' that names each; hide what is there twice"
+        words = "write one below the other, with a column 'set-up' that names each; hide copies"
         raise BadInput(f"{name}: sheets {', '.join(map(repr, alike))} have the same headings: {words}")
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
     others, mark = ", ".join(repr(other) for other, _ in sheets if other != title), "," if comma else "."
