@@ -120,6 +120,11 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     faults += heading_faults(cells.file, cells.rows)
     named = names_by_column(cells, options, faults)
     columns = [apply_user_unit(column_from(cells, k, named), options) for k in range(len(cells.heading))]
+    for column in (each for each in columns if each.place not in named):
+        marks = plain_words(column.heading.name).strip(" ?") in known_words()["rows"]["flag"]
+        if marks and len({row[column.place] for _, row in cells.lines}) > 1:
+            where = f"{cells.file}: column '{column.heading.text}' marks rows"
+            faults.append(f"{where}: delete those that do not count; {UNUSED}")
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
         if not column.firm and column.numeric and (alone := meaning_of_only_angle(column.heading)):

@@ -685,6 +685,8 @@ def test_what_a_heap_has_beside_its_angle_is_asked_unless_it_is_set(tmp_path):
 def test_a_row_that_its_remark_excludes_and_a_dose_that_the_control_lacks_are_refused(tmp_path):
     text = "moisture (%);angle of repose (deg);SD;remarks\n0;30;0.5;\n2;33;0.5;\n4;51;0.5;outlier, excluded\n"
     assert "row 4, 'outlier, excluded'" in refused(tmp_path, text)
+    flags = text.replace("remarks", "outlier?").replace("outlier, excluded", "yes")
+    assert "column 'outlier?' marks rows: delete those" in refused(tmp_path, flags)
     rows = [f"salt{s};{s};{w};{30 + w + 2 * (s or 0)};0.5\n" for s in ("", 2, 6) for w in range(4)]
     text = f"treatment;salt content (g/kg);moisture (%);angle of repose (deg);SD\n{''.join(rows)}"
     assert "blank in 4 rows (2, 3, 4, 5)" in refused(tmp_path, text)
