@@ -71,8 +71,8 @@ def start_device() -> Iterator[Callable[[Numerics], int]]:
 
 
 @pytest.fixture
-def in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
-    """Function that gives what `run(simulation)` gives of a setup by one worker, two, and an uneven team.
+def same_in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Function that asserts that `run(simulation)` gives the same by one worker, two, and an uneven team.
 
     The uneven team shrinks and grows from one short launch to the next; every third ends at the first wait.
     """
@@ -87,7 +87,7 @@ def in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
         sizes.append(1 + len(sizes) % most)
         return sizes[-1]
 
-    def ends(setup: Setup, laws: Laws, run: Callable[[Any], Any]) -> list[Any]:
+    def ends(setup: Setup, laws: Laws, run: Callable[[Any], Any]) -> None:
         monkeypatch.setattr(capacities, "PARTITION_GRAINS", len(setup.grains.radius) // 2)
         sim = simulation.assemble([setup], laws, Numerics("cpu", 2))
         start, found = simulation.export_state(sim), []
@@ -102,6 +102,6 @@ def in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
             found.append(run(sim))
         stop_device()
         assert set(sizes) == {1, 2}
-        return found
+        assert found[0] == found[1] == found[2]
 
     return ends

@@ -1,4 +1,4 @@
-"""What device code writes, read from the syntax tree: the members of structs that a kernel changes."""
+"""What device code writes, read from the syntax tree."""
 
 import ast
 from functools import cache
@@ -8,10 +8,7 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "taichi_erosion"
 WRITING_METHODS = {"append", "deactivate", "fill"}  # of Taichi fields
 
-MOST_MEMBERS = 12  # of a struct that are listed one by one
-
 Place = tuple[str, str]  # module and name of a device function
-Paths = frozenset[tuple[str, ...]]  # argument, member, member of the member ...
 
 
 @cache
@@ -41,10 +38,6 @@ def is_device_function(function: ast.FunctionDef) -> bool:
     return bool(decorators(function) & {"ti.kernel", "ti.func", "ti.pyfunc", "ti.real_func"})
 
 
-def is_kernel(function: ast.FunctionDef) -> bool:
-    return "ti.kernel" in decorators(function)
-
-
 @cache
 def tree_of(path: Path) -> ast.Module:
     """Syntax tree of a file."""
@@ -62,28 +55,6 @@ def trees() -> dict[str, ast.Module]:
 def device_functions() -> dict[Place, ast.FunctionDef]:
     found = ((module, f) for module, tree in trees().items() for f in functions(tree))
     return {(module, f.name): f for module, f in found if is_device_function(f)}
-
-
-def arguments_of(place: Place) -> list[str]:
-    return [argument.arg for argument in device_functions()[place].args.args]
-
-
-def calls_by_name(place: Place) -> list[tuple[ast.Call, str]]:
-    """Calls in a device function of something that has a bare name."""
-    calls = [node for node in nodes(device_functions()[place]) if isinstance(node, ast.Call)]
-    return [(call, call.func.id) for call in calls if isinstance(call.func, ast.Name)]
-
-
-@cache
-def names_in(module: str) -> dict[str, Place]:
-    """Device functions by the name under which a module knows them."""
-    known = {name: (place, name) for place, name in device_functions() if place == module}
-    for node in ast.walk(trees()[module]):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for name in node.names:
-                if (node.module, name.name) in device_functions():
-                    known[name.asname or name.name] = (node.module, name.name)
-    return known
 
 
 def path_of(expression: ast.expr, aliases: dict[str, tuple[str, ...]]) -> tuple[str, ...] | None:
@@ -138,58 +109,3 @@ def written_places(function: ast.FunctionDef) -> list[ast.expr]:
             elif isinstance(node.func, ast.Attribute) and node.func.attr in WRITING_METHODS:
                 found.append(node.func.value)
     return found
-
-
-@cache
-def written_members(place: Place) -> Paths:
-    """Argument and members of everything that a device function changes, itself or through what it calls."""
-    module, _ = place
-    function = device_functions()[place]
-    aliases = aliases_of(function)
-    found = {path for expression in written_places(function) if (path := path_of(expression, aliases))}
-    for call, name in calls_by_name(place):
-        called = names_in(module).get(name)
-        if called is None or called == place:
-            continue
-        given = dict(zip(arguments_of(called), call.args, strict=False))
-        given |= {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
-        for argument, *members in written_members(called):
-            if argument in given and (path := path_of(given[argument], aliases)):
-                found.add((*path, *members))
-        for struct, task in called_arguments(called).items():
-            applied, path = names_in(module).get(ast.unparse(given[task])), path_of(given[struct], aliases)
-            if applied is not None and path:
-                first = arguments_of(applied)[0]
-                found |= {(*path, *members) for name, *members in written_members(applied) if name == first}
-    return frozenset(path for path in found if path[0] in arguments_of(place))
-
-
-def called_arguments(place: Place) -> dict[str, str]:
-    """Struct by the argument called with it, here or further on: `task(air_out, r)` gives air_out: task."""
-    arguments, found = arguments_of(place), {}
-    for call, name in calls_by_name(place):
-        names = [given.id if isinstance(given, ast.Name) else "" for given in call.args]
-        if name in arguments:
-            found |= {given: name for given in names if given.endswith("_out")}
-        elif (called := names_in(place[0]).get(name)) not in {None, place}:
-            given = dict(zip(arguments_of(called), names, strict=False))
-            passed = {given.get(struct): given.get(task) for struct, task in called_arguments(called).items()}
-            found |= {struct: task for struct, task in passed.items() if struct and task in arguments}
-    return found
-
-
-def written_sentences(place: Place) -> list[str]:
-    """What a kernel's docstring ends with: the members that it writes of every struct.
-
-    Past `MOST_MEMBERS` the inner structs stand for their members.
-    """
-    structs: dict[str, set[str]] = {}
-    for argument, *members in written_members(place):
-        if members:
-            structs.setdefault(argument, set()).add(".".join(members))
-    found = {}
-    for name, members in structs.items():
-        shown = members if len(members) <= MOST_MEMBERS else {member.partition(".")[0] for member in members}
-        found[name] = ", ".join(sorted(shown))
-    found |= {name: f"what `{task}` writes" for name, task in called_arguments(place).items()}
-    return [f"Writes `{name}`: {members}." for name, members in sorted(found.items())]

@@ -15,16 +15,13 @@ from device_code import (
     ROOT,
     aliases_of,
     decorators,
-    device_functions,
     dotted,
     functions,
     is_device_function,
-    is_kernel,
     nodes,
     path_of,
     tree_of,
     written_places,
-    written_sentences,
 )
 
 LONGEST_FUNCTION = {False: 60, True: 40}  # lines of a host and of a device function, docstring excluded
@@ -126,16 +123,6 @@ def test_device_functions_say_what_they_write(path):
     for function in filter(is_device_function, functions(tree_of(path))):
         if silent := silent_writes(function, device_signatures()):
             yield f"{function.name} writes {sorted(silent)} without the _out suffix"
-
-
-def test_the_docstring_of_a_kernel_lists_the_members_it_writes():
-    kernels = [place for place, function in device_functions().items() if is_kernel(function)]
-    assert len(kernels) > 30
-    for place in kernels:
-        text = " ".join((ast.get_docstring(device_functions()[place]) or "").split())
-        sentences = written_sentences(place)
-        assert text.endswith(" ".join(sentences)), place
-        assert text.count("Writes `") == len(sentences), place
 
 
 @each_file

@@ -113,10 +113,7 @@ def fill_velocity_ghosts_in_range(air_out: ti.template(), first, last):
 
 @ti.kernel
 def fill_velocity_ghosts(air_out: ti.template()):
-    """Velocities in all ghosts of all replicas.
-
-    Writes `air_out`: velocities, velocity_z.
-    """
+    """Velocities in all ghosts of all replicas."""
     fill_velocity_ghosts_in_range(air_out, 0, air_out.count)
 
 
@@ -206,10 +203,7 @@ def fill_wall_ghost(air_out: ti.template(), across: ti.template(), upper: ti.tem
 
 @ti.kernel
 def fill_wall_viscosity(air_out: ti.template()):
-    """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`.
-
-    Writes `air_out`: eddy_cell.
-    """
+    """Eddy viscosity in ghosts of walls along x and y; after `fill_cell_ghosts`."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     ti.loop_config(serialize=air_out.serial)
     for r, j, k in ti.ndrange(air_out.count, ny, nz):

@@ -127,7 +127,6 @@ class Air:
 
     @property
     def cell_count(self) -> int:
-        """Cells of one replica."""
         return self.cells[0] * self.cells[1] * self.cells[2]
 
     @property
@@ -306,17 +305,11 @@ def apply_stage_to_columns(task: ti.template(), air_out: ti.template(), first, l
 
 @ti.kernel
 def apply_to_all_columns(task: ti.template(), air_out: ti.template()):
-    """One device function applied to every column of cells of all replicas, in parallel.
-
-    Writes `air_out`: what `task` writes.
-    """
+    """One device function applied to every column of cells of all replicas, in parallel."""
     apply_to_columns(task, air_out, 0, air_out.count)
 
 
 @ti.kernel
 def apply_stage_to_all_columns(task: ti.template(), share: ti.f64, air_out: ti.template()):
-    """Likewise for a stage that takes so large a share of the step.
-
-    Writes `air_out`: what `task` writes.
-    """
+    """Likewise for a stage that takes so large a share of the step."""
     apply_stage_to_columns(task, air_out, 0, air_out.count, share)

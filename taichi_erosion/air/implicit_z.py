@@ -82,10 +82,7 @@ def predict_column_velocity(air_out: ti.template(), r, i, j, axis: ti.template()
 
 @ti.kernel
 def predict_velocity(axis: ti.template(), share: ti.f64, now: ti.f64, before: ti.f64, air_out: ti.template()):
-    """Predicted velocities along an axis of all replicas.
-
-    Writes `air_out`: elimination, velocities.
-    """
+    """Predicted velocities along an axis of all replicas."""
     ti.loop_config(serialize=air_out.serial)
     for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
         predict_column_velocity(air_out, r, i, j, axis, share, now, before)

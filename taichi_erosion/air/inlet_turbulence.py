@@ -81,10 +81,7 @@ def allocate_inlet_waves(setups: Sequence[AirSetup]) -> InletWaves:
 
 @ti.kernel
 def update_inlet_fluctuation(air_out: ti.template()):
-    """Fluctuation at every cell of the inlet at the end of the coming step.
-
-    Writes `air_out`: inlet_fluctuation.
-    """
+    """Fluctuation at every cell of the inlet at the end of the coming step."""
     (waves,) = ti.static((air_out.waves,))
     ti.loop_config(serialize=air_out.serial)
     for r, j, k in ti.ndrange(air_out.count, air_out.cells[1], air_out.cells[2]):

@@ -41,7 +41,6 @@ def replica_table(air: Air, replica: int) -> Floats:
 
 
 def air_snapshot(air: Air, replica: int) -> AirSnapshot:
-    """Snapshot of the air of one replica."""
     table = replica_table(air, replica)
     numbers = air.numbers
     nx, ny, nz = air.cells

@@ -87,11 +87,7 @@ def advance_column(air_out: ti.template(), r, dt):
 
 @ti.kernel
 def advance_columns(steps: ti.i32, air_out: ti.template()):
-    """The columns of all replicas after so many of their own time steps.
-
-    Writes `air_out`: eddy_face, elimination, length, numbers.time, velocities, velocity_x, velocity_y,
-    velocity_z.
-    """
+    """The columns of all replicas after so many of their own time steps."""
     for r in range(air_out.count):
         for _ in range(steps):
             advance_column(air_out, r, air_out.numbers.time_step[r])

@@ -81,10 +81,7 @@ def advance_clock(air_out: ti.template(), r):
 
 @ti.kernel
 def extrapolate_outlets(air_out: ti.template()):
-    """Velocity on an outlet from the last face inside, until the pressure corrects it.
-
-    Writes `air_out`: velocity_x, velocity_z.
-    """
+    """Velocity on an outlet from the last face inside, until the pressure corrects it."""
     nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
     if ti.static(air_out.kinds["x_high"] == "outlet"):
         ti.loop_config(serialize=air_out.serial)
@@ -251,10 +248,7 @@ def correct_stage(air_out: ti.template(), r, stage):
 
 @ti.kernel
 def apply_to_active(task: ti.template(), count: ti.i32, chunk: ti.i32, stage: ti.i32, air_out: ti.template()):
-    """One task of a stage applied to every active replica, each on one thread.
-
-    Writes `air_out`: what `task` writes.
-    """
+    """One task of a stage applied to every active replica, each on one thread."""
     for lane in range(count * chunk):
         if lane % chunk == 0 and air_out.active[lane // chunk] == 1:
             task(air_out, lane // chunk, stage)

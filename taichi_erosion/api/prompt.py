@@ -40,19 +40,17 @@ help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
 
 
-def step_command(session: Session, count: str = "1") -> str:
+def step_command(session: Session, count: str = "1") -> None:
     if not count.isdigit():
         raise BadInput(f"'{count}' is not a number of steps")
     live.run_session_steps(session, int(count))
-    return status_command(session)
 
 
-def run_command(session: Session, *time: str) -> str:
+def run_command(session: Session, *time: str) -> str | None:
     if time == ("until", "rest"):
         is_at_rest = live.run_until_rest(session)
         return status_command(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
-    live.run_until_time(session, parse_end_time(session, *time))
-    return status_command(session)
+    return live.run_until_time(session, parse_end_time(session, *time))
 
 
 def parse_end_time(session: Session, *words: str) -> float:
@@ -71,7 +69,7 @@ def set_command(session: Session, path: str, value: str) -> str:
     return f"{path} = {value} {reply}{''.join(new)}"
 
 
-def insert_command(session: Session, count: str, way: str = "", *place: str) -> str:
+def insert_command(session: Session, count: str, way: str = "", *place: str) -> None:
     number, at = 0, tuple[float, ...]()
     if len(place) == {"": 0, "at": 3, "through": 1}.get(way):
         with suppress(ValueError):
@@ -80,14 +78,12 @@ def insert_command(session: Session, count: str, way: str = "", *place: str) -> 
     if not number:
         raise BadInput(f"usage: {usage_line('insert')}")
     live.insert_grains(session, number, at, place[0] if way == "through" else "")
-    return status_command(session)
 
 
-def remove_command(session: Session, *numbers: str) -> str:
+def remove_command(session: Session, *numbers: str) -> None:
     if not all(map(str.isdigit, numbers or [""])):
         raise BadInput(f"usage: {usage_line('remove')}")
     live.remove_grains(session, *map(int, numbers))
-    return status_command(session)
 
 
 def measure_command(session: Session) -> str:
@@ -131,17 +127,10 @@ def save_command(session: Session, name: str = "last") -> str:
     return f"saved as '{name}' at {session.time:.6g} s"
 
 
-def back_command(session: Session, name: str = "last", *time: str) -> str:
+def back_command(session: Session, name: str = "last", *time: str) -> None:
     if name == "to" and time:
-        live.return_to_time(session, parse_end_time(session, name, *time))
-    else:
-        live.restore_saved_state(session, name)
-    return status_command(session)
-
-
-def undo_command(session: Session) -> str:
-    live.undo_latest_change(session)
-    return status_command(session)
+        return live.return_to_time(session, parse_end_time(session, name, *time))
+    return live.restore_saved_state(session, name)
 
 
 def grain_command(session: Session, number: str) -> str:
@@ -192,7 +181,8 @@ def quit_command(session: Session) -> str:
     raise EOFError
 
 
-COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind the name: the text to print
+# of a session and the words behind the name: the text to print, None for that of the status
+COMMANDS: dict[str, Callable[..., str | None]] = {
     "step": step_command,
     "run": run_command,
     "stage": lambda session: f"stage {live.begin_next_stage(session)} begins",
@@ -208,7 +198,7 @@ COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind
     "snapshot": lambda session, file: str(live.write_side_picture(session, Path(file))),
     "save": save_command,
     "back": back_command,
-    "undo": undo_command,
+    "undo": live.undo_latest_change,
     "grain": grain_command,
     "history": history_command,
     "script": script_command,
@@ -232,4 +222,5 @@ def execute_line(session: Session, line: str) -> str:
         signature(COMMANDS[name]).bind(session, *words)
     except TypeError:
         raise BadInput(f"usage: {usage_line(name)}") from None
-    return COMMANDS[name](session, *words)
+    text = COMMANDS[name](session, *words)
+    return status_command(session) if text is None else text

@@ -1,7 +1,8 @@
 """Studies from Python: compare, discover, adopt, next, predict, report."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -40,34 +41,26 @@ class Study:
 
     def compare(self) -> results.ComparisonResult:
         """Calibrate the model, and find where it still fails."""
-        from taichi_erosion.evidence.answers.commands import compare_study
-
-        return run_study_command(self, results.ComparisonResult, "comparing", compare_study)
+        return run_study_command(self, results.ComparisonResult, "comparing", "compare")
 
     def discover(self) -> results.DiscoveryResult:
         """Find the missing effect."""
-        from taichi_erosion.evidence.answers.commands import discover_study
-
-        return run_study_command(self, results.DiscoveryResult, "discovering", discover_study)
+        return run_study_command(self, results.DiscoveryResult, "discovering", "discover")
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> results.AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
 
         Raises BadInput for what is no candidate.
         """
-        from taichi_erosion.evidence.answers.commands import adopt_study
-
         names = [name for each in effects for name in ([each] if isinstance(each, str) else each)]
         if not names:
             raise BadInput("adopt: name the effects to add")
         forced = replace(self, options=replace(self.options, force=force or self.options.force))
-        return run_study_command(forced, results.AdoptionResult, "adopting", adopt_study, names)
+        return run_study_command(forced, results.AdoptionResult, "adopting", "adopt", names)
 
     def next(self) -> results.ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
-        from taichi_erosion.evidence.answers.commands import next_study
-
-        return run_study_command(self, results.ExperimentsResult, "planning", next_study)
+        return run_study_command(self, results.ExperimentsResult, "planning", "next")
 
     def predict(self, table: TableLike, *, bare: bool = False) -> results.PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -76,12 +69,10 @@ class Study:
         model answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of
         the table.
         """
-        from taichi_erosion.evidence.answers.predictions import predict_study
-
         with TemporaryDirectory() as folder:
             file = path_of_table(table, Path(folder) / "conditions")
             kind = results.PredictionResult
-            return run_study_command(self, kind, "predicting", predict_study, file, bare=bare)
+            return run_study_command(self, kind, "predicting", "predict", file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -91,11 +82,13 @@ class Study:
 
 
 def run_study_command(
-    study: Study, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
+    study: Study, kind: type[Kind], title: str, command: str, *words: Any, **choices: Any
 ) -> Kind:
     """Result of a command, with a progress bar."""
+    module = "predictions" if command == "predict" else "commands"  # imported now: it takes a second
+    ask = getattr(import_module(f"taichi_erosion.evidence.answers.{module}"), f"{command}_study")
     with progress_bar(title) as bar:
-        reply = command(study.path, *words, lambda text, share: bar(share, text), study.options, **choices)
+        reply = ask(study.path, *words, lambda text, share: bar(share, text), study.options, **choices)
     return kind(study.path, reply)
 
 

@@ -112,7 +112,6 @@ def scene_overrides(file: CalibrationStudy, settings: dict[str, float]) -> list[
 def design_request(
     runner: DesignRunner, scene: Path, settings: dict[str, float], stage: str, row: int, seed: int
 ) -> RunRequest:
-    """Request of one row of a design at one scene."""
     file = runner.file
     extra: dict[str, Any] = {"device": runner.workers}
     if file.study.design.record in (stage, "all"):
@@ -169,7 +168,6 @@ def screening_design(file: CalibrationStudy) -> designs.Design:
 
 
 def run_screening(runner: DesignRunner) -> Screening:
-    """Run and analyse the screening."""
     study = runner.file.study
     design = run_design(runner, "screen", screening_design(runner.file))
     fits = {name: fit_model(design, name, "linear") for name in study.targets}

@@ -50,7 +50,6 @@ class Database:
     kind: str  # of file, in messages
 
     def query_rows(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
-        """Rows that a query finds."""
         with translate_errors(self.path, self.kind):
             return self.connection.execute(query, values).fetchall()
 
@@ -89,7 +88,6 @@ class Ledger:
 
     @property
     def folder(self) -> Path:
-        """Folder of the file."""
         return self.database.path.parent
 
 
@@ -124,7 +122,6 @@ def renew_leases(ledger: Ledger) -> None:
 
 
 def release_leases(ledger: Ledger, owner: str) -> None:
-    """Free all leases of an owner."""
     order = "UPDATE run SET state = 'waiting', owner = NULL WHERE state = 'leased' AND owner = ?"
     with ledger.database.transaction() as sql:
         sql.execute(order, (owner,))
@@ -141,7 +138,6 @@ def release_stale_leases(ledger: Ledger) -> None:
 
 
 def process_exists(process: int) -> bool:
-    """Whether a process of this machine exists."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

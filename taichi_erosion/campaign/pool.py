@@ -55,7 +55,6 @@ class FinishedBatch:
 
 
 def import_work_context(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
-    """The context manager of "module:function"."""
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)
 
@@ -81,7 +80,6 @@ def exit_with_parent() -> None:
 
 
 def run_in_local_worker(batch: Batch) -> Records:
-    """A batch in a local worker."""
     ((run, ledger),), records = WORKER, Records()
 
     def store_record(place: int, record: dict[str, Any]) -> None:
@@ -94,7 +92,6 @@ def run_in_local_worker(batch: Batch) -> Records:
 
 
 def run_on_dask(name: str, batch: Batch) -> Records:
-    """A batch on a Dask worker."""
     records: Records = []
     with import_work_context(name)() as run:
         run(batch.payloads, lambda place, record: records.append((place, record)))
@@ -121,7 +118,6 @@ class Pool:
         return max((QUEUE if self.client else 1) * self.worker_count - len(self.in_flight), 0)
 
     def spawn_worker(self) -> None:
-        """Spawn a worker."""
         before = set(multiprocessing.active_children())
         executor = ProcessPoolExecutor(1, SPAWN, start_local_worker, (self.function, self.folder))
         executor.submit(os.getpid)  # an executor starts its process with its first task
@@ -186,7 +182,6 @@ class Pool:
 
 
 def start_pool(function: str, folder: Path, workers: int) -> Pool:
-    """Spawn the workers."""
     pool = Pool(function, folder)
     for _ in range(workers):
         pool.spawn_worker()

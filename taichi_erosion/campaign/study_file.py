@@ -264,8 +264,6 @@ class StudyFile(Section):
 
 @dataclass(frozen=True)
 class CalibrationStudy:
-    """A calibration study and where it lies."""
-
     path: Path
     study: StudyFile
 
@@ -280,7 +278,6 @@ class CalibrationStudy:
         return read_effect_files(self.study.study.effect_files, self.path.parent, str(self.path))
 
     def scene(self, observable: str) -> Path:
-        """Scene that answers an observable."""
         return self.path.parent / str(self.study.observables[observable].scene)
 
     @property

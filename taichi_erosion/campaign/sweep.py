@@ -21,8 +21,6 @@ TABLE, FIGURE = "sweep.csv", "sweep.png"
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """A measure at one value of the entry."""
-
     entry: str  # value as it was given
     measure: str
     value: float  # mean over the seeds, NaN without any
@@ -90,7 +88,6 @@ def sweep_point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoi
 
 
 def write_sweep(folder: Path, over: str, points: Sequence[SweepPoint], figure: bytes) -> list[Path]:
-    """Write table and figure."""
     table = pd.DataFrame(map(asdict, points)).rename(columns={"entry": parse_sweep_values(over)[0]})
     text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
     files = {TABLE: text.encode(), FIGURE: figure}

@@ -153,7 +153,6 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
 
 
 def print_measured_table(title: str, columns: tuple[str, ...], rows: list[dict[str, str]]) -> None:
-    """Print some columns of a table of measured values."""
     if rows:
         output.print_table(title, columns, ([row[name] for name in columns] for row in rows))
 
@@ -184,7 +183,6 @@ def print_parameters(effect: "Effect") -> None:
 
 
 def effect_record(effect: "Effect") -> dict[str, Any]:
-    """JSON record of an effect."""
     from taichi_erosion.core.effect import first_reference
 
     state = fields(effect.grain_state) if effect.grain_state else ()
@@ -235,7 +233,6 @@ def write_effect_file(
 
 
 def effect_file_text(kind: str, **entries: Any) -> str:
-    """Text of a new effect file."""
     loader = PackageLoader("taichi_erosion.cli", "scaffold")
     environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     return environment.get_template(f"{kind}.txt").render(entries)

@@ -146,8 +146,6 @@ def effect_of(module: str, title: str, place: Place, act: Callable[..., Any], **
 
 @dataclass(frozen=True)
 class ReplicaEffect:
-    """An effect with its numbers for one replica."""
-
     effect: Effect
     constants: Constants
     reach: float  # gap beyond which it vanishes [m]

@@ -120,7 +120,6 @@ def evaluate_bench_grain(
 
 @ti.kernel
 def advance_bench_state(grains: ti.template(), effects_out: ti.template()):
-    """Writes `effects_out`: states."""
     for i in grains:
         grain = grains[i]
         advance_states(effects_out, 0, grain, PLACE_I)

@@ -45,7 +45,6 @@ def engine_name() -> str:
 
 
 def engine_version() -> str:
-    """Version of the engine of this process."""
     return version(engine_name())
 
 

@@ -110,7 +110,6 @@ def write_atomic(path: Path, content: bytes) -> Path:
 
 
 def content_digest(content: bytes) -> str:
-    """Digest of a content."""
     return sha256(content).hexdigest()[:DIGEST_LENGTH]
 
 
@@ -194,7 +193,6 @@ class ListedFolder:
                 raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
 
     def write_file(self, name: str, content: bytes) -> Path:
-        """Write a file and list it."""
         path = write_atomic(self.path / name, content)
         digests = self.digests | {name: content_digest(path.read_bytes())}
         text = json.dumps(dict(sorted(digests.items())), indent=1) + "\n"

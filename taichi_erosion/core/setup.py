@@ -112,8 +112,6 @@ class PrimitiveTable:
 
 @dataclass(frozen=True)
 class Surface:
-    """One named wall."""
-
     name: str
     material: int
 

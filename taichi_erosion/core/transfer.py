@@ -33,7 +33,6 @@ def is_host_memory() -> bool:
 
 
 def element_shape(field: Any) -> tuple[int, ...]:
-    """Shape of one element of a field."""
     if not hasattr(field, "n"):
         return ()
     return (field.n,) if field.m == 1 else (field.n, field.m)

@@ -211,12 +211,7 @@ def set_spin_up_load(world: ti.template(), coupling_out: ti.template(), r, c, nu
 def run_spin_up_round(
     r: ti.i32, number: ti.i32, anew: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
-    """Some steps of the column of replica r over grains that keep their places, and its drag; round 0: none.
-
-    Writes `coupling_out`: air, exchange, sums.
-    Writes `world_out`: frozen_drag.air_velocity, frozen_drag.drag_kick, frozen_drag.drag_rate,
-    frozen_drag.steady_acceleration, frozen_drag.steady_spin_rate, grain_effects.states, pair_effects.states.
-    """
+    """Steps of the column of replica r over grains that keep their places and its drag; round 0: none."""
     ti.loop_config(serialize=True)
     for _ in range(ti.select(number > 0, STEPS, 0)):
         advance_column(coupling_out.air, r, LONGEST)

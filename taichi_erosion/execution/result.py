@@ -179,7 +179,6 @@ def run_document(
 
 @cache
 def versions_of_dependencies() -> dict[str, str]:
-    """Versions that a result depends on."""
     return {"taichi_erosion": __version__, "python": platform.python_version()} | {
         name: version(name) for name in (engine_name(), "numpy", "scipy", "rerun-sdk")
     }

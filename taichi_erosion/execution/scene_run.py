@@ -189,7 +189,6 @@ def run_with_outputs(
 def grain_run_document(
     path: Path, scene: Scene, ensemble: ensemble_loop.EnsembleRun, comparisons: dict[str, Any], started: float
 ) -> dict[str, Any]:
-    """The result document of a scene of grains."""
     sim = ensemble.sim
     numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
     numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}

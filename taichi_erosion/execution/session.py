@@ -306,14 +306,12 @@ def keep_session_and_grains(session: Session) -> Kept:
 
 
 def copy_session_lists(session: Session) -> Session:
-    """The session with lists of its own."""
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
     return replace(session, ensemble=ensemble, samples=[*session.samples], history=[*session.history])
 
 
 def bytes_of_kept_states(states: Sequence[Kept]) -> int:
-    """Bytes of the grains of kept states."""
     return sum(values.nbytes for _, grains in states for values in grains.values())
 
 

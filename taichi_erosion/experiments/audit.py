@@ -158,7 +158,6 @@ def balance_and_orthogonality(coded: Floats) -> tuple[bool, bool]:
 
 
 def non_orthogonal_pairs(coded: Floats) -> list[tuple[int, int]]:
-    """Pairs of columns that are not orthogonal."""
     places = [np.unique(np.round(column, 6), return_inverse=True)[1].ravel() for column in coded.T]
     centred = [levels - levels.mean() for levels in places]
     pairs = combinations(range(len(places)), 2)
@@ -177,7 +176,6 @@ def restoring_cells(coded: Floats) -> Iterator[Cell]:
 
 
 def change_cell(coded: Floats, cell: Cell | None) -> Floats:
-    """The levels with one cell changed."""
     changed = coded.copy()
     if cell is not None:
         changed[cell.row, cell.column] = cell.level
@@ -398,7 +396,6 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
 
 
 def audit_document(result: Audit) -> dict[str, Any]:
-    """The audit as one JSON document."""
     table, structure, fit = result.table, result.structure, result.fit
     agree = sum(comparison.agrees for comparison in result.comparisons)
     cells = [

@@ -136,7 +136,6 @@ class Fit:
 
     @property
     def fitted(self) -> Floats:
-        """Fitted values."""
         return np.asarray(self.results.fittedvalues)
 
     def predict(self, coded: ArrayLike) -> Floats:
@@ -204,7 +203,6 @@ def natural_polynomial(fit: Fit) -> Polynomial:
 
 
 def equation_text(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
-    """The polynomial as one line of text."""
     names = [factor.path for factor in fit.factors]
     words = [f"{fit.response} ="]
     for term, coefficient in polynomial.items():

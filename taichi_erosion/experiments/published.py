@@ -160,7 +160,6 @@ class Sheet:
     comma: bool  # decimal commas
 
     def cell_number(self, text: str) -> PrintedNumber | None:
-        """The printed number of a cell."""
         plain = plain_cell(text)
         return parse_printed(plain.replace(",", ".") if self.comma else re.sub(r",(?=\d{3}\b)", "", plain))
 

@@ -66,7 +66,6 @@ def contact_columns(table: ContactTable) -> dict[str, Floats]:
 
 
 def replica_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
-    """Columns of Materials with all rows of one replica."""
     count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
     rows, columns = material_pair_rows(count, materials.count), contact_columns(table)
     whole = {name: np.zeros(materials.rows) for name in columns}

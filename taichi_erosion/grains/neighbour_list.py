@@ -68,7 +68,6 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: i
 
 @ti.func
 def side_first_entry(pairs: ti.template(), r, side):
-    """First entry of one side of replica r."""
     return (2 * r + side) * pairs.capacity
 
 

@@ -40,7 +40,6 @@ def report_deep_overlap(replicas_out: ti.template(), r, p, rank, partner, overla
 
 @ti.func
 def do_pair_effects_act(materials: ti.template(), entries: ti.template(), e):
-    """Whether pair effects act between the materials of entry e."""
     return materials.effects[entries.label[e] >> ROW_SHIFT] > 0.0
 
 
@@ -245,7 +244,6 @@ def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, ba
 
 @ti.func
 def add_pair_forces(world_out: ti.template(), r, p):
-    """Add the forces of all pairs of one partition."""
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_start(grains, r, replicas.side[r])
     first = partition_first_rank(replicas, r, p)

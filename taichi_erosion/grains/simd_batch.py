@@ -42,7 +42,6 @@ def lane_materials_struct_type(lanes: int) -> Any:
 
 @ti.func
 def lane(columns: ti.template(), n):
-    """Vector in lane n."""
     return ti.Vector([columns.x[n], columns.y[n], columns.z[n]])
 
 

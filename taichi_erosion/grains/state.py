@@ -178,7 +178,6 @@ def side_start(grains: ti.template(), r, side):
 
 @ti.func
 def partition_first_rank(replicas: ti.template(), r, p):
-    """First rank of partition p of replica r."""
     return replicas.bounds[r, p]
 
 

@@ -107,8 +107,6 @@ def fit_log_profile(profile: Profile, karman: float) -> LogFit | None:
 
 @dataclass(frozen=True)
 class AirMeasureInput:
-    """Input of a measure of air."""
-
     states: Sequence[AirSnapshot]  # of the last part of the run, at least one
     place: float | None  # m
     karman: float

@@ -82,7 +82,6 @@ class Detection:
 
     @property
     def fitted_flanks(self) -> list[Flank]:
-        """Flanks that were found."""
         return [flank for flank in self.flanks if flank is not None]
 
     @property
@@ -313,7 +312,6 @@ def points_on_line(level: Floats) -> NDArray[np.bool_]:
 
 
 def quadratic_terms(column: Grey, row: Grey) -> tuple[Any, ...]:
-    """Terms of a quadratic in column and row."""
     return 1.0, column, row, column**2, row**2, row * column
 
 

@@ -105,7 +105,6 @@ def measure_heap_table(
 
 
 def write_heap_table(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Path:
-    """Write the table of heaps (CSV)."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *rows])
     return write_atomic(path, text.getvalue().encode())

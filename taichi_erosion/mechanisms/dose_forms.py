@@ -68,7 +68,6 @@ def median_nonzero_size(column: Floats) -> float:
 
 
 def allowed_forms(conditions: Conditions) -> Iterator[Form]:
-    """All forms that the conditions of some rows allow."""
     yield Form("constant", (), lambda at, _: np.ones(next(iter(at.values())).size), "{a}")
     finite = {name: column for name, column in conditions.items() if np.all(np.isfinite(column))}
     varied = {name: c for name, c in finite.items() if np.ptp(c) > 1e-9 * np.abs(c).max()}

@@ -299,7 +299,6 @@ def write_png(path: Path, picture: Picture) -> Path:
 
 
 def png_bytes(picture: Picture) -> bytes:
-    """One picture as PNG."""
     file = BytesIO()
     picture.save(file, "png")
     return file.getvalue()

@@ -199,7 +199,6 @@ class WallTrack:
 
 
 def read_walls(path: Path) -> list[WallTrack]:
-    """All walls of a run."""
     tracks: dict[str, WallTrack] = {}
     for chunk in read_chunks(path):
         if not chunk.entity_path.startswith(WALLS):

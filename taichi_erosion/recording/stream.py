@@ -216,7 +216,6 @@ def log_scene_text(recording: Recording, name: str, text: str) -> None:
 
 
 def log_curve_legend(recording: Recording, entity: str, legend: str, colour: pictures.Colour) -> None:
-    """Write legend and colour of a curve."""
     curve = rr.SeriesLines(names=legend, colors=[colour], widths=CURVE_WIDTH)
     recording.stream.log(entity, curve, static=True)
 

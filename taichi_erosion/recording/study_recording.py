@@ -22,8 +22,6 @@ Films = Mapping[str, list[GrainFrame]]  # frames by run
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """One run of a study."""
-
     name: str  # of its entity
     caption: str  # settings and results
     recording: Path

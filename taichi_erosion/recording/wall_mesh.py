@@ -13,8 +13,6 @@ SEGMENTS = 48  # facets of a full turn [1]; the chord stays within 0.2 % of the 
 
 @dataclass(frozen=True)
 class WallMesh:
-    """One named wall as triangles."""
-
     name: str
     vertices: Floats  # [v, 3] m
     triangles: Integers  # [t, 3] rows of vertices

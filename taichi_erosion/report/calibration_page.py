@@ -86,7 +86,6 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
 
 
 def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
-    """All figures of the page by their names."""
     assert calibration.climb is not None
     assert calibration.surface is not None
     document, names, targets = calibration.document, calibration.file.labels, calibration.file.study.targets

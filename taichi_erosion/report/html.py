@@ -43,5 +43,4 @@ def origin_line(seeds: str, version: str = __version__) -> str:
 
 
 def picture_address(file: Path) -> str:
-    """Picture file as data address."""
     return f"data:{guess_type(file)[0]};base64,{base64.b64encode(file.read_bytes()).decode()}"

@@ -47,7 +47,6 @@ def read_document(path: Path) -> Document:
 
 
 def page_fields(document: Document, source: Path) -> dict[str, Any]:
-    """Fields of the template."""
     seeds = [str(replica["seed"]) for replica in document["replicas"]]
     return {
         "title": document.get("title") or Path(document["scene"]).stem,

@@ -109,7 +109,6 @@ def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[C
 
 
 def folder_of(study: Path) -> Path:
-    """Results folder."""
     return results_folder(study, read_evidence_study(study))
 
 

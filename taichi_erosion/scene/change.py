@@ -30,7 +30,6 @@ def with_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: boo
 
 
 def with_grain_material(scene: Scene, change: Callable[[Material], Material]) -> Scene:
-    """The scene with the materials of its grains changed."""
     changed = {name: change(material) for name, material in scene.grain_materials.items()}
     return scene.model_copy(update={"materials": scene.materials | changed})
 

@@ -133,7 +133,6 @@ def parse_toml(text: str) -> Mapping[str, Any]:
 
 
 def read_text_of_file(path: Path, name: str) -> str:
-    """Content of a text file."""
     try:
         return read_text_file(path)
     except FileNotFoundError:

@@ -200,7 +200,6 @@ def release_initial_grains(sim: Simulation) -> None:
 def allocate_all_fields(
     setups: list[Setup], laws: Laws, numerics: Numerics, workers: int, capacities: Capacities
 ) -> tuple[World, CouplingState, Schedule, GrainBuffers | None]:
-    """All fields of a run."""
     everyone = pad_setups_with_copies(setups, capacities)
     schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
     world = build_world(everyone, laws, capacities, numerics.by_grain)
@@ -264,7 +263,6 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
 
 
 def device_effects_by_place(world: World) -> dict[str, DeviceEffects]:
-    """Effects on the device by place."""
     pair, first, grain = world.pair_effects, world.first_contact_effects, world.grain_effects
     return {"pair": pair, "first_contact": first, "grain": grain}
 

@@ -56,7 +56,6 @@ class Capacities:
 
 
 def partitions_of_replica(setup: Setup) -> int:
-    """Partitions of one replica."""
     count = len(setup.grains.radius)
     partitions = max(count // PARTITION_GRAINS, min(count // PAIR_GRAINS, 2), 1)
     return min(partitions, PARTITIONS_MOST)

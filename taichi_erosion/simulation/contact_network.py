@@ -124,10 +124,6 @@ def list_contacts(
     """Number of the contacts of every grain of replica r, and their rows where there is room.
 
     Labels and displacements get back what they held, the rest is what the next step would write.
-
-    Writes `world_out`: pairs.label, pairs.rolling_displacement, pairs.tangential_displacement,
-    wall_pairs.label, wall_pairs.offset, wall_pairs.pushes, wall_pairs.rolling_displacement,
-    wall_pairs.tangential_displacement.
     """
     for rank in range(released):
         number_out[rank] = list_grain_contacts(world_out, rows_out, r, rank, first[rank])

@@ -80,7 +80,6 @@ def count_removed(replicas_out: ti.template(), r, number):
 
 @ti.func
 def stop_at(replicas_out: ti.template(), r, rank, fault, value):
-    """Stop replica r for a fault of the grain of that rank."""
     replicas_out.status[r] = fault
     replicas_out.fault_grain[r, 0] = rank
     replicas_out.fault_value[r, 0] = value
@@ -127,7 +126,6 @@ def swap_sides(replicas_out: ti.template(), r):
 
 @ti.func
 def list_neighbours_of_partition(world_out: ti.template(), r, p):
-    """Lists of one partition."""
     list_partition_pairs(world_out, r, p)
     list_walls_of_partition(world_out, r, p)
 
@@ -265,12 +263,7 @@ def run_worker_tasks(world_out: ti.template(), coupling_out: ti.template(), sche
 
 @ti.kernel
 def release_grains_before_start(world_out: ti.template()):
-    """Release the grains that are there from the start, so that a state can be read before the first step.
-
-    Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
-    grains.origin, grains.radius, grains.shift, grains.spin, grains.velocity, pair_effects.states,
-    replicas.bounds, replicas.released.
-    """
+    """Release the grains that are there from the start, so that a state can be read before the first step."""
     for r in range(world_out.replicas.count):
         release_grains(world_out, r)
 
@@ -283,12 +276,7 @@ def run_scheduled_replicas(
     world_out: ti.template(),
     coupling_out: ti.template(),
 ):
-    """Each worker advances whole replicas by itself, in the order of the schedule.
-
-    Writes `coupling_out`: air, exchange, sums.
-    Writes `world_out`: cells, clumps, frozen_drag, grain_effects, grains, pair_effects, pairs, replicas,
-    sleep, wall_pairs, walls.
-    """
+    """Each worker advances whole replicas by itself, in the order of the schedule."""
     for lane in range(workers * chunk):
         if lane % chunk == 0:
             run_worker_tasks(world_out, coupling_out, schedule, lane // chunk)
@@ -298,12 +286,7 @@ def run_scheduled_replicas(
 def run_replicas_in_teams(
     teams: ti.i32, size: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
-    """Teams of `size` workers divide the partitions of one replica each.
-
-    Writes `coupling_out`: air, exchange, sums.
-    Writes `world_out`: cells, clumps, frozen_drag, grain_effects, grains, pair_effects, pairs, replicas,
-    sleep, wall_pairs, walls.
-    """
+    """Teams of `size` workers divide the partitions of one replica each."""
     for lane in range(teams * size * chunk):
         if lane % chunk == 0:
             worker = lane // chunk

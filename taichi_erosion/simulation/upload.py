@@ -98,7 +98,6 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
 
 
 def upload_cell_grids(world: World, setups: list[Setup], reaches: Floats) -> None:
-    """Cell grids."""
     skins = [verlet_skin_limits(s, world.pairs.stride > 1) for s in setups]
     least = [2.0 * skin.cell_reach + reach for skin, reach in zip(skins, reaches[:, 0], strict=True)]
     most = [min(world.cells.capacity, cells_for_grains(len(s.grains.radius))) for s in setups]

@@ -71,8 +71,6 @@ LAWS = {  # of numbers that are no multiple of what they measure: places, units 
 
 @dataclass(frozen=True)
 class Heading:
-    """Name and unit of a column."""
-
     text: str  # as it stands in the file
     name: str
     unit: str = ""  # in the spelling of this program; empty: none is stated
@@ -214,7 +212,6 @@ def unit_in(text: str) -> str | None:
 
 @cache
 def words_of(kind: str) -> frozenset[str]:
-    """All words of a kind."""
     return frozenset(word for words in known_words()[kind].values() for word in words)
 
 
@@ -256,7 +253,6 @@ def word_length(word: str, heading: str) -> int:
 
 
 def has_word(heading: str, words: Iterable[str]) -> bool:
-    """Whether a heading has one of some words."""
     plain = plain_words(heading)
     return any(word_length(word, plain) for word in words)
 

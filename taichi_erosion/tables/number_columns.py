@@ -224,7 +224,6 @@ def differs_between_groups(values: Floats, rest: Floats) -> bool:
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:
-    """Whether a column is a parabola of another one."""
     both = np.isfinite(column) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
         return False

@@ -67,7 +67,6 @@ def round_to_scatter(value: float, scatter: float, with_sign: bool = False) -> s
 
 
 def decimal_exponent(number: float) -> int:
-    """Decimal exponent."""
     return int(f"{number:e}".partition("e")[2])
 
 

@@ -198,7 +198,6 @@ def guess_separator(text: str) -> str:
 
 
 def rows_of_delimited_text(text: str, separator: str, name: str) -> Lines:
-    """Rows with content."""
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows, before = [], 0
     try:
@@ -287,7 +286,6 @@ def cell_value(cell: Any) -> Any:
 
 
 def workbook_cell_text(value: Any, mark: str) -> str:
-    """Text of a cell's value."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
     return "" if value is None else str(value)

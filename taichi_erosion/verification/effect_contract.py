@@ -337,7 +337,6 @@ def examine_effect_files(paths: Iterable[Path]) -> list[dict[str, Any]]:
 
 
 def check_sentence(examination: Mapping[str, Any]) -> str:
-    """One sentence on the check of a file."""
     subject = f"effect '{examination['effect']}' of {examination['file']}"
     if not examination["breaches"]:
         return f"{subject} compiles and keeps the contract of effects ({examination['wall_s']:.1f} s)"

@@ -140,7 +140,7 @@ def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_gravity_that_tur
 
 
 @pytest.mark.slow
-def test_workers_that_share_a_sleeping_bed_change_no_bit(in_teams):
+def test_workers_that_share_a_sleeping_bed_change_no_bit(same_in_teams):
     def woken(sim: Simulation) -> str:
         simulation.advance(sim, [SETTLED])
         simulation.import_state(sim, lifted(simulation.export_state(sim)))
@@ -148,5 +148,4 @@ def test_workers_that_share_a_sleeping_bed_change_no_bit(in_teams):
         assert 0.2 < asleep(sim).mean() < 0.8
         return fingerprint(simulation.snapshot(sim, 0))
 
-    one, two, uneven = in_teams(drowsy(1), LAWS, woken)
-    assert one == two == uneven
+    same_in_teams(drowsy(1), LAWS, woken)

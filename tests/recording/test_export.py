@@ -68,7 +68,7 @@ def test_walls_are_where_they_were_at_every_time(recording: Path):
 
 
 def test_paraview_gets_grains_lines_and_walls_of_every_frame(recording: Path, tmp_path: Path):
-    listing = export.export_vtk(recording, tmp_path / "vtk")
+    listing, frame = export.export_vtk(recording, tmp_path / "vtk"), readback.read_grains(recording)[-1]
     entries = ElementTree.parse(listing).findall("./Collection/DataSet")
     assert [entry.attrib["part"] for entry in entries] == list("01201202")  # at last without plate
     files = [meshio.read(listing.parent / entry.attrib["file"]) for entry in entries]
@@ -78,6 +78,10 @@ def test_paraview_gets_grains_lines_and_walls_of_every_frame(recording: Path, tm
     np.testing.assert_allclose(files[5].cell_data["normal_force"][0], written.normal_force, atol=1e-8)
     np.testing.assert_allclose(files[4].points, FLOOR.vertices @ TURN.T + SHIFT, atol=1e-8)
     assert files[4].cells_dict["triangle"].tolist() == FLOOR.triangles.tolist()
+    assert [float(entry.attrib["timestep"]) for entry in entries[::3]] == pytest.approx([0.0, 0.01, 0.02])
+    np.testing.assert_array_equal(files[6].points, frame.position)
+    for name, values in (frame.state | {"radius": frame.radius}).items():
+        np.testing.assert_array_equal(files[6].point_data[name], values)
 
 
 def test_tables_of_netcdf_hold_the_same_numbers(recording: Path, tmp_path: Path):

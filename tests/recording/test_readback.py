@@ -1,17 +1,14 @@
-"""Recordings read back: whole ones, those of killed writers, damaged ones, and as ParaView reads them."""
+"""Recordings read back: whole ones, those of killed writers, and damaged ones."""
 
 import signal
 from pathlib import Path
-from xml.etree import ElementTree
 
-import meshio
 import numpy as np
 import pytest
 from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
-from taichi_erosion.recording.export import export_vtk
 from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains
 from taichi_erosion.recording.stream import flush_recording, log_frame
 
@@ -19,7 +16,6 @@ WRITER = """
 import os, signal, sys
 from pathlib import Path
 from recorded_heaps import MOVING, header, heap_snapshot
-from taichi_erosion.recording.export import export_vtk
 from taichi_erosion.recording.stream import flush_recording, log_frame, open_recording
 recording = open_recording(Path(sys.argv[1]), header())
 for frame in range(30):
@@ -89,17 +85,3 @@ def test_a_recording_damaged_within_is_refused_by_its_name(tmp_path: Path):
     path.write_bytes(content)
     with pytest.raises(BadInput, match=r"heap\.rrd: the recording is damaged \(.+\)$"):
         read_grains(path)
-
-
-def test_every_frame_is_written_with_its_time_and_its_grains(tmp_path: Path) -> None:
-    recording = tmp_path / "heap.rrd"
-    record_heap(recording)
-    listing = export_vtk(recording, tmp_path / "vtk")
-    entries = ElementTree.parse(listing).findall("./Collection/DataSet[@part='0']")
-    frames = read_grains(recording)
-    assert [float(entry.attrib["timestep"]) for entry in entries] == pytest.approx([f.time for f in frames])
-    last = meshio.read(listing.parent / entries[-1].attrib["file"])
-    np.testing.assert_array_equal(last.points, frames[-1].position)
-    np.testing.assert_array_equal(last.point_data["radius"], frames[-1].radius)
-    for name, values in frames[-1].state.items():
-        np.testing.assert_array_equal(last.point_data[name], values)

@@ -121,10 +121,7 @@ def solve_replica_pressure(air_out: ti.template(), r):
 
 @ti.kernel
 def apply_to_all_replicas(task: ti.template(), air_out: ti.template()):
-    """One device function applied to every replica, in parallel.
-
-    Writes `air_out`: what `task` writes.
-    """
+    """One device function applied to every replica, in parallel."""
     ti.loop_config(serialize=air_out.serial_replicas)
     for r in range(air_out.count):
         task(air_out, r)

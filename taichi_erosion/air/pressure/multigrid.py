@@ -200,7 +200,6 @@ def relax_line(levels_out: ti.template(), r, c, beside):
 
 @ti.func
 def relax_coloured_line(levels_out: ti.template(), level, colour, r, i, j):
-    """Relaxation of one line where it has this colour."""
     if (i + j) % 2 == colour:
         relax_line(
             levels_out, r, column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
@@ -209,7 +208,6 @@ def relax_coloured_line(levels_out: ti.template(), level, colour, r, i, j):
 
 @ti.func
 def set_residual(levels_out: ti.template(), level, r, i, j):
-    """Residual of one line."""
     c, neighbours = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     for k in range(levels_out.right_side.shape[2]):
         operator = negative_laplacian(levels_out, levels_out.solution, r, c, neighbours, k)
@@ -349,28 +347,19 @@ def cycle_replica(levels_out: ti.template(), r):
 
 @ti.kernel
 def apply_to_all_lines(task: ti.template(), serial: ti.template(), level: ti.i32, levels_out: ti.template()):
-    """One device function applied to every line of one level of all replicas, in parallel.
-
-    Writes `levels_out`: what `task` writes.
-    """
+    """One device function applied to every line of one level of all replicas, in parallel."""
     apply_to_lines(task, serial, levels_out, level, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel
 def relax_all_lines(serial: ti.template(), level: ti.i32, first: ti.i32, levels_out: ti.template()):
-    """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other.
-
-    Writes `levels_out`: solution.
-    """
+    """Relaxation of one level of all replicas in parallel, colour `first` (0 or 1) before the other."""
     relax_level(serial, levels_out, level, first, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel
 def sweep_coarsest(level: ti.i32, sweeps: ti.i32, levels_out: ti.template()):
-    """Symmetric Gauss-Seidel on the coarsest level, one thread a replica.
-
-    Writes `levels_out`: solution.
-    """
+    """Symmetric Gauss-Seidel on the coarsest level, one thread a replica."""
     ti.loop_config(serialize=levels_out.serial_replicas)
     for r in range(levels_out.right_side.shape[0]):
         sweep_symmetrically(levels_out, level, sweeps, r)

@@ -97,7 +97,6 @@ class StudyRequest:
         return list(dict.fromkeys(row.observable for row in self.table.rows))
 
     def path_from_study(self, file: Path) -> str:
-        """Path of a file as the study names it."""
         return Path(os.path.relpath(file, self.folder)).as_posix()
 
 
@@ -189,7 +188,6 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
 
 
 def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
-    """Place that every condition of a table sets."""
     columns = [column for column in table.columns if column.role == "condition"]
     # in a tidy table a column is called as the user likes
     places = {c.title: options.conditions.get(c.name) or path_of_tidy_column(c, options) for c in columns}
@@ -450,7 +448,6 @@ def template_of_own_scene(file: Path, request: StudyRequest) -> Template:
 
 
 def column_document(column: Column, content: Content) -> Document:
-    """What was understood of a column."""
     role = ROLE_WORDS.get(column.role, column.role)
     if column.role == "observable" and column.name in content.observables:
         role = f"measured: {column.name}"

@@ -327,7 +327,6 @@ def read_rounds_file(study: Study) -> Mapping[str, Any]:
 
 
 def earlier_points(study: Study) -> Rounds:
-    """Points of earlier rounds."""
     stored = read_rounds_file(study)["rounds"].items()
     return {name: [[Setting(**entry) for entry in about] for about in series] for name, series in stored}
 
@@ -340,7 +339,6 @@ def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None =
 
 
 def rounds_file(study: Study) -> Path:
-    """What the rounds of a study were about."""
     return files.answer_file(study.results, study.path.stem, files.ROUNDS)
 
 

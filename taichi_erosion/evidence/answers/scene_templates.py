@@ -80,7 +80,6 @@ class Template:
 
     @property
     def grain_density_path(self) -> str:
-        """Place of the density of its grains."""
         return f"materials.{self.grain_material_pair.partition('-')[0]}.density"
 
     @property

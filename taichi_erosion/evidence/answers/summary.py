@@ -41,7 +41,6 @@ POWERS = 4  # of a condition, beside which another one has a trend of its own
 
 
 def race_record(posterior: Posterior, decision: Decision | None = None) -> Record:
-    """The record of a race."""
     decision_used, race = decision or decide_cause(posterior), posterior.race
     after, bare, model = fit_of_decision(posterior, decision_used), race.bare, race.model
     sound = is_adequate(posterior.best_fit)  # else what is missing looks like an error of rows and levels

@@ -259,7 +259,6 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
 
 
 def toml_string(text: str) -> str:
-    """A TOML string."""
     return json.dumps(text, ensure_ascii=False)
 
 

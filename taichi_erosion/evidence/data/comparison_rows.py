@@ -94,7 +94,6 @@ class ComparisonRows:
         return tuple(self.observables[index].name for index in self.which)
 
     def observable_indices(self, names: Sequence[str]) -> Integers:
-        """Index of the observable of every name."""
         place = {observable.name: index for index, observable in enumerate(self.observables)}
         return np.array([place[name] for name in names], dtype=np.int64)
 
@@ -103,7 +102,6 @@ class ComparisonRows:
         return {name: float(column[row]) for name, column in self.conditions.items()}
 
     def select_rows(self, chosen: Integers | Bools) -> "ComparisonRows":
-        """Some of the rows."""
         columns = pick_rows({name: getattr(self, name) for name in (*ROW_WISE, "shared")}, chosen)
         columns["shared"] = columns["shared"][:, np.any(columns["shared"] != 0.0, axis=0)]
         columns["covariance"] = None if self.covariance is None else self.covariance[np.ix_(chosen, chosen)]
@@ -291,7 +289,6 @@ def notes_on_missing_numbers(observable: Observable, table: Measurements, usable
 
 
 def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
-    """Budget of one observable."""
     finite = variance[np.isfinite(variance)]
     tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
     lab = float(np.sqrt(max(np.median(finite) - tolerance**2, 0.0))) if finite.size else np.nan
@@ -299,8 +296,6 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
 
 
 def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
-    """Rows of all observables."""
-
     def concatenate_field(name: str) -> Any:
         first, *_ = values = [getattr(part, name) for part in parts]
         if isinstance(first, np.ndarray):

@@ -189,7 +189,6 @@ def table_digest(measurements: Measurements) -> str:
 
 
 def split_sentence(count: int, by_group: bool, named: str, rows: int, among: int) -> str:
-    """Sentence about the split."""
     few = " of conditions (there are too few groups to hold them out whole)"
     kind = count_noun(count, "group") if by_group else f"{count_noun(count, 'set')}{few}"
     if not rows:

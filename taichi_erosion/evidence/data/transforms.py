@@ -86,7 +86,6 @@ def value_on_axis(axis: Axis, x: float) -> float:
 
 
 def axis_position(axis: Axis, value: float) -> float:
-    """Position on the axis of a number."""
     return (log(value / axis.start) if axis.logarithmic else value - axis.start) / axis.scale
 
 

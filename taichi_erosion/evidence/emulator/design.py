@@ -37,8 +37,6 @@ Row = dict[str, float]  # dotted path of a condition -> value
 
 @dataclass(frozen=True)
 class TrainingRun:
-    """One run of a design."""
-
     scene: Path
     at: Row
     parameters: Numbers
@@ -266,5 +264,4 @@ def sobol_runs(
 
 
 def design_seed(key: str, number: int) -> int:
-    """Seed of one run of a design."""
     return int.from_bytes(sha256(f"{key}|{number}".encode()).digest()[:4], "little") % SEEDS + 1

@@ -53,8 +53,6 @@ def strength_position(strength: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class EmulatorInputs:
-    """Inputs of the emulators of one scene."""
-
     scene: StudyScene
     axes: tuple[Axis, ...]  # calibrated numbers that the scene accepts
     scales: Mapping[str, AxisScale]  # of conditions that vary, by dotted path
@@ -112,8 +110,6 @@ class EmulatorInputs:
 
 @dataclass(frozen=True)
 class ObservableEmulator:
-    """Emulator of one observable."""
-
     inputs: EmulatorInputs
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
     process: gaussian_process.GaussianProcess

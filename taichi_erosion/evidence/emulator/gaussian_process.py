@@ -195,7 +195,6 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
 
 
 def training_covariance(parts: Floats, amplitude: Floats) -> Floats:
-    """Covariance of the training values."""
     mixed = parts[0] + np.tensordot(amplitude[:-1] ** 2, parts[1:], axes=1)
     return mixed + (amplitude[-1] ** 2 + JITTER) * np.eye(parts.shape[1])
 
@@ -282,7 +281,6 @@ class JointErrors:
         return covariance
 
     def training_value_weights(self, queries: Sequence[tuple[int, Points]]) -> Floats:
-        """Weights of all training values in the emulated values of some points."""
         rows = consecutive_slices([points.x.shape[0] for _, points in queries])
         columns = consecutive_slices([each.size for each in self.training_runs])
         matrix = np.zeros((rows[-1].stop, columns[-1].stop))

@@ -129,7 +129,6 @@ def laboratory_conditions(study: Study, first: Row) -> tuple[Row, ...]:
 
 
 def effects_by_name(problem: Problem) -> dict[str, Candidate]:
-    """Candidates and adopted effects by name."""
     return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
 
 

@@ -34,7 +34,6 @@ class Adoption:
 
 
 def adopted_study_path(study: Path, effects: Sequence[str]) -> Path:
-    """File of the study in which effects are adopted."""
     return study.with_name(f"{study.stem}_with_{'_and_'.join(effects)}.toml")
 
 

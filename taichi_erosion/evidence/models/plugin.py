@@ -239,7 +239,6 @@ def apply_instrument_effect(
 
 
 def stated_conditions_of_row(conditions: Conditions, row: int) -> Numbers:
-    """Conditions that one row states."""
     return {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
 
 

@@ -110,7 +110,6 @@ def matrix_root(kernel: Floats, exact: int, least: float) -> Floats:
 
 
 def mean_over_finite_seeds(values: Floats) -> Floats:
-    """Mean over the seeds that succeeded."""
     good = np.isfinite(values)
     count = good.sum(axis=0)
     return np.where(count > 0, np.where(good, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)

@@ -44,7 +44,6 @@ class RunStore:
         return values
 
     def store_run(self, key: bytes, values: Floats) -> None:
-        """Keep the values of one run."""
         self.pending[key] = values
         if monotonic() - self.commit_time > COMMIT_INTERVAL:
             self.commit_runs()

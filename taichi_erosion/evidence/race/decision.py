@@ -61,7 +61,6 @@ class Decision(DecisionPart):
 
 
 def decide_cause(posterior: Posterior) -> Decision:
-    """The decision on a race."""
     race = posterior.race
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
     inclusion = {name: any_acts(posterior, [name]) for name in effects}

@@ -79,8 +79,6 @@ class LawRows:
 
 @dataclass(frozen=True)
 class FittedForm:
-    """A form fitted to some rows."""
-
     form: Form
     rows: LawRows
     selection: Bools
@@ -127,7 +125,6 @@ class FittedForm:
         return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
 
     def refit_to_rows(self, rows: LawRows, chosen: Bools) -> "FittedForm":
-        """The form fitted to other rows."""
         return replace(self, rows=rows, selection=chosen).fit_numbers([self.numbers])
 
     def draw_numbers(self) -> Floats:

@@ -51,7 +51,6 @@ class Dosing:
 
     @property
     def key(self) -> Hypothesis:
-        """Its key in the race."""
         return Hypothesis(self.names, tuple(each.name for each in self.mechanisms), self.axis)
 
     @cached_property

@@ -74,7 +74,6 @@ class RaceModel:
             self.shift = np.nan_to_num(many - few)
 
     def largest_strength(self, name: str) -> float:
-        """Largest strength of an effect."""
         return self.reach * self.candidates[name].maximum
 
     def axis_numbers(self, v: Floats) -> Floats:

@@ -387,7 +387,6 @@ class Race:
         return self.best_of(fit or parent, fit_known or fit or parent)
 
     def posterior_probabilities(self) -> dict[Hypothesis, float]:
-        """Probability of every hypothesis that was visited."""
         scores = np.array([*map(log_joint, self.fits.values())])
         return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 

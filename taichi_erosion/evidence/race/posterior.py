@@ -67,8 +67,6 @@ def draw_scales(
 
 @dataclass(frozen=True)
 class Posterior:
-    """All hypotheses of a race with their probabilities."""
-
     race: Race
     probability: dict[Hypothesis, float]
 

@@ -46,7 +46,6 @@ def run_table(document: Document) -> Table:
 
 
 def measured_value_texts(document: Document) -> Iterator[str]:
-    """One sentence for every measured value."""
     for name, datum in document["measured"].items():
         measure, title = document["measures"].get(name, {}), in_words(name)
         if any(each["blocks"] for each in measure.get("shortfalls", ())):

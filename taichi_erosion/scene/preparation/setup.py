@@ -72,7 +72,6 @@ def add_wind_to_setup(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setu
 
 
 def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainTable:
-    """Spherical grains."""
     return GrainTable(
         position=start.position,
         velocity=start.velocity,

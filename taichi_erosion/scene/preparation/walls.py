@@ -73,7 +73,6 @@ def tabulated_wall_shifts(order: Movement, duration: float) -> Floats:
 
 
 def motion_of_wall_order(order: Movement) -> Motion:
-    """Motion of a wall as a stage orders it."""
     target, servo = order.force if order.torque is None else order.torque, None
     if target is not None:
         servo = Servo(order.torque is not None, target, unit_vector(order.axis), order.fastest)
@@ -81,7 +80,6 @@ def motion_of_wall_order(order: Movement) -> Motion:
 
 
 def wall_motions(scene: Scene) -> list[Motion]:
-    """Motions of walls in all stages."""
     return [motion_of_wall_order(order) for stage in scene.stages for order in stage.move.values()]
 
 
@@ -98,7 +96,6 @@ def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
 
 
 def primitives_of_wall(scene: Scene, name: str) -> list[Row]:
-    """Primitives of one wall."""
     wall = scene.geometry[name]
     if isinstance(wall, Plane):
         return [(PrimitiveKind.PLANE, (*wall.point, *unit_vector(wall.normal)))]

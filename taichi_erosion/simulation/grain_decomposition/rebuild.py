@@ -286,12 +286,7 @@ def locate_sphere(world_out: ti.template(), coupling: ti.template(), buffers: ti
 
 @ti.kernel
 def release_grains_at_start(world_out: ti.template()):
-    """Release the grains that are there from the start, one thread a grain.
-
-    Writes `world_out`: grain_effects.states, grains.ident, grains.mass_inverse, grains.material,
-    grains.origin, grains.radius, grains.shift, grains.spin, grains.velocity, pair_effects.states,
-    replicas.bounds, replicas.released.
-    """
+    """Release the grains that are there from the start, one thread a grain."""
     for n in range(world_out.replicas.count * world_out.grains.capacity):
         r, rank = n // world_out.grains.capacity, n % world_out.grains.capacity
         if is_release_due(world_out, r, rank):

@@ -216,10 +216,7 @@ def advance_with_barriers(
 def run_steps_in_one_kernel(
     stages: ti.template(), world_out: ti.template(), coupling_out: ti.template(), buffers_out: ti.template()
 ):
-    """Advance all replicas until none has steps left; the stages write what `simulation.step.run_teams` does.
-
-    Writes `buffers_out`: arrivals, exchanging, listing, pending, running.
-    """
+    """Advance all replicas until none has steps left."""
     for _ in range(1):
         buffers_out.arrivals[ARRIVAL_SLOT] = 0
         clear_action_flags(buffers_out)

@@ -142,7 +142,6 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
 
 
 def apply_user_unit(column: Column, options: TableOptions) -> Column:
-    """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
     unit = next((unit for text, unit in options.units.items() if plain_words(text) in texts), None)
@@ -150,7 +149,6 @@ def apply_user_unit(column: Column, options: TableOptions) -> Column:
 
 
 def column_in_unit(column: Column, unit: str) -> Column:
-    """A column with the unit that is stated for it."""
     return replace(column, heading=set_stated_unit(column.heading, unit))
 
 
@@ -351,7 +349,6 @@ class Reading:
             return CellNumber()
 
     def numbers(self, column: Column) -> list[CellNumber]:
-        """Cells of a column that hold a number."""
         numbers = [self.number(row[column.place]) for _, row in self.cells.lines]
         return [number for number in numbers if not isnan(number.value)]
 

@@ -234,8 +234,6 @@ def row_list_text(lines: Sequence[int]) -> str:
 
 @dataclass(frozen=True)
 class RowReader:
-    """Cells with the meaning of their columns."""
-
     cells: Cells
     columns: Sequence[Column]
     faults: list[str]
@@ -249,7 +247,6 @@ class RowReader:
         return any(column.role == "value" for column in self.columns)
 
     def columns_with(self, *roles: Role) -> list[Column]:
-        """Columns of some roles."""
         return [column for column in self.columns if column.role in roles]
 
     def add_fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
