@@ -186,13 +186,16 @@ def effect_status(
 def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.CurvePart]:
     """What something unlisted does along each condition with which it acts for SURE, against its first value.
 
-    It is all that the rows show, no effect beside it.
+    It is all that the rows show beside the effects that are named.
     """
-    if decision.verdict != "outside_library" or decision.acting_mechanisms:
+    names, race = tuple(sorted(decision.named)), posterior.race
+    acting = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.extra}
+    unlisted = {h: p for h, p in acting.items() if {*names} <= {*h.names}}
+    is_sure = decision.verdict == "outside_library" or (names and decision.unlisted >= SURE)
+    if not (unlisted and is_sure) or decision.acting_mechanisms:
         return
-    unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.extra}
-    best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
-    rows, fit = race.prepared.rows, race.fits.get(replace(best, names=()), race.fits[best])
+    best = max(unlisted, key=lambda h: unlisted[h])
+    rows, fit = race.prepared.rows, race.fits.get(replace(best, names=names), race.fits[best])
     for name, column in rows.conditions.items():
         acts = sum(p for h, p in unlisted.items() if h.along in ("", name)) / sum(unlisted.values())
         for index, block in enumerate(fit.blocks):

@@ -76,7 +76,8 @@ def decide_cause(posterior: Posterior) -> Decision:
     likeliest = {name: max(some, key=log_joint) for name, some in fits.items() if some}
     sound = {name: beyond[name] for name, fit in likeliest.items() if is_adequate(fit, FAMILYWISE)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
-    if (named or group) and not rows_do_not_refute(posterior, named, group, both):
+    beside = both or (OUTSIDE,) * (any_acts(posterior, [OUTSIDE]) >= SURE)
+    if (named or group) and not rows_do_not_refute(posterior, named, group, beside):
         named, group, refuted = (), (), (*named, *group)
     imitators = imitating_conditions(race, named, group)
     left = tuple(name for name in named if name not in imitators)
@@ -115,7 +116,7 @@ def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict
 def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
-    Alone, or `beside` mechanisms that act.
+    Alone, or `beside` what acts for sure and is not in the list.
     """
     sets = [{*named, name} for name in group] or [{*named}]
     race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]

@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP
 from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
-from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
+from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, SURE, Priors
 
 
 def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
@@ -59,6 +59,7 @@ def search_effect_sets(race: Race) -> None:
     sets = {*best, *(each.without(name) for each in best for name in each.names)}
     for each in sorted(sets & (race.fits.keys() - {race.bare.hypothesis}), key=lambda each: each.names):
         add_unlisted_effect(race, race.fits[each])
+    grow_sets_beside_unlisted(race, effects)
     visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likeliest_fits(KEEP)[:CARRIED]:
@@ -70,7 +71,7 @@ def search_effect_sets(race: Race) -> None:
 def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     """Every effect beside a set."""
     for name in effects:
-        hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
+        hypothesis = replace(parent.hypothesis, names=tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
             if (fit := race.add_effect(parent, name, log_prior_of(race, hypothesis))) is not None:
                 race.store_fit(fit)
@@ -84,6 +85,25 @@ def add_unlisted_effect(race: Race, parent: Fit) -> None:
             most, price = 0 if along == EACH_SET_UP else 2, log_prior_of(race, hypothesis)
             start = replace(parent, hypothesis=hypothesis, log_prior=price, blocks=blocks)
             race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), most))
+
+
+def grow_sets_beside_unlisted(race: Race, effects: Sequence[str]) -> None:
+    """Sets beside what is not in the list along each condition, grown while one more effect is likelier.
+
+    Only where something unlisted may act: a large one hides from plain sets what a listed effect does.
+    """
+    share = race.posterior_probabilities()
+    if sum(p for h, p in share.items() if h.extra) < 1.0 - SURE:
+        return
+    for start in [h for h in race.fits if h.extra and not h.names]:
+        best = race.fits[start]
+        for size in range(1, min(MOST, len(effects)) + 1):
+            add_every_effect(race, best, effects)
+            wider = [f for h, f in race.fits.items() if replace(h, names=()) == start and len(h.names) == size]
+            now = race.optimise_setting(max(wider, key=log_joint)) if wider else best
+            if log_joint(now) <= log_joint(best):
+                break
+            best = now
 
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -261,15 +261,19 @@ def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) 
 def headline_text(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
     firm, either = ([cause_text(name, record, voc) for name in names] for names in sure_and_group(record))
+    chance = say.probability_text(record.unlisted)
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
         outside = {*record.acting_mechanisms}.difference(record.effects)
-        more = f" Also: {imitation_text(record, voc)}" * bool(record.imitators)
-        return f"Missing: {words}{open_}.{' Not in the list of effects.' * bool(outside)}{more}"
+        more = ["Not in the list of effects."] * bool(outside)
+        if record.unlisted >= SURE and not record.acting_mechanisms:
+            words = f"{words}, and beside it something not in the list (probability {chance})"
+            more = [*curve_texts(record, voc)]
+        more += [f"Also: {imitation_text(record, voc)}"] * bool(record.imitators)
+        return " ".join([f"Missing: {words}{open_}.", *more])
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"
-        chance = say.probability_text(record.unlisted)
         return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return no_name_sentence(record, voc)
 
