@@ -99,7 +99,8 @@ def grow_sets_beside_unlisted(race: Race, effects: Sequence[str]) -> None:
         best = race.fits[start]
         for size in range(1, min(MOST, len(effects)) + 1):
             add_every_effect(race, best, effects)
-            wider = [f for h, f in race.fits.items() if replace(h, names=()) == start and len(h.names) == size]
+            beside = [fit for h, fit in race.fits.items() if replace(h, names=()) == start]
+            wider = [fit for fit in beside if len(fit.hypothesis.names) == size]
             now = race.optimise_setting(max(wider, key=log_joint)) if wider else best
             if log_joint(now) <= log_joint(best):
                 break
