@@ -92,9 +92,10 @@ def range_of(name: str) -> PhysicalRange | None:
 
 
 def is_other_kind(unit: str | None, name: str) -> bool:
-    """Whether a unit is of another kind than that of an observable or a place."""
+    """Whether a unit is of another kind than that of an observable or a place; an angle may be a tangent."""
     allowed = range_of(name)
-    return allowed is not None and bool(unit) and range_scale(unit, allowed) is None
+    tangent = allowed is not None and allowed.unit == "deg" and range_scale(unit, SHARE) is not None
+    return allowed is not None and bool(unit) and range_scale(unit, allowed) is None and not tangent
 
 
 def range_scale(unit: str | None, allowed: PhysicalRange) -> Scale | None:

@@ -53,7 +53,7 @@ SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
 VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
-LENGTH = r"(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches))"
+LENGTH = r"(?P<unit>mm|cm|m|(?P<foot>ft|feet|foot)|(?P<inch>inch|inches|in(?=\s*[(\[]|$)))"
 HEIGHT = re.compile(rf"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*{LENGTH}(?![\w/^-])")
 RATIO = re.compile(  # u*t/u*td, AOR / AOR0, angle / dry angle
     r"^(\S{2,4}?)\S{0,2}\s*/\s*\1\S{0,3}\s*$|/\s*(?:bare|dry|smooth|control|untreated|reference|initial)\b"
@@ -373,9 +373,10 @@ def wind_height_of_heading(heading: Heading, name: str) -> float:
     `name` is what the heading means; a single letter u or v is a speed where its unit is one.
     """
     speed = bool(heading.unit) and parse_scale(heading.unit).kind == parse_scale("m/s").kind
-    if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
+    unnamed = not name and has_word(heading.name, known_words()["asked"]["threshold_u_star"])
+    if name not in WINDS and not ((unnamed or SYMBOL.match(heading.name)) and speed):
         return nan
-    text = re.sub(r"\[[^\]]*\]", " ", heading.text)
+    text = re.sub(r"\[[^\]]*\]", " ", re.sub(r"\b([uUvV])(?=\d+ ?c?m\b)", r"\1 ", heading.text))
     if match := HEIGHT.search(text.replace("_", " ")):
         unit = "ft" if match["foot"] else "in" if match["inch"] else match["unit"]
         return float(match["number"].replace(",", ".")) * parse_scale(unit).factor

@@ -223,6 +223,7 @@ def closed_form_study_content(request: StudyRequest) -> Content:
     if unknown := [name for name in request.names if name not in reduced.OBSERVABLES]:
         words = f"the closed form does not know '{unknown[0]}'; it knows {', '.join(reduced.OBSERVABLES)}"
         remedy = "leave out --closed-form, or begin the heading of that column with 'note'"
+        remedy = "say its height, 'threshold wind speed at 1 m', " * ("wind" in unknown[0]) + remedy
         raise BadInput(f"{request.table.file}: {words}; {remedy}")
     if "flux" in request.names and FRICTION_VELOCITY not in request.places.values():
         words = "no column states the friction velocity, on which the flux depends"

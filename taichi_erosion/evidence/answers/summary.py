@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.transforms import axis_position, from_scale, v
 from taichi_erosion.evidence.models.predictor import axis_scale_of
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.adequacy import chi_square_of_fit, fit_residual, is_adequate, misfit_p_value
-from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
+from taichi_erosion.evidence.race.blocks import AND, columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide_cause, fit_of_decision
 from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
@@ -197,7 +197,9 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
     best = max(unlisted, key=lambda h: unlisted[h])
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=names), race.fits[best])
     for name, column in rows.conditions.items():
-        acts = sum(p for h, p in unlisted.items() if h.along in ("", name)) / sum(unlisted.values())
+        acts = sum(p for h, p in unlisted.items() if not h.along or name in h.along.split(AND)) / sum(
+            unlisted.values()
+        )
         for index, block in enumerate(fit.blocks):
             points = np.unique(column[(np.array(rows.names) == block.observable) & np.isfinite(column)])
             if acts < SURE or block.kind != "unlisted" or points.size < 2:

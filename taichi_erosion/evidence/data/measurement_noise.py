@@ -29,6 +29,7 @@ from scipy import special
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
+ROUNDED = 1e-12  # squares over the variance of all, which rounding leaves of equal repeats
 UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
 SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
@@ -172,7 +173,7 @@ def measurement_scatter(
         squares, freedom = block_design_squares(z, repeats, design[:2])
         if by_blocks := freedom < LEAST_FREEDOM and bool(design[2].max(initial=0.0) > 1.0):
             squares, freedom = block_design_squares(z, repeats, design[1:], responding=design[2])
-    if freedom >= LEAST_FREEDOM and squares > 0.0:
+    if freedom >= LEAST_FREEDOM and squares > ROUNDED * float(np.nanvar(z)):
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
     pure = max(own_variance - 2.0, 0.0), own_variance

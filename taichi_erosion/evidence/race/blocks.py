@@ -17,8 +17,9 @@ References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017)
 Biometrika 97, 465 (half-Cauchy scales).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -30,6 +31,7 @@ from taichi_erosion.evidence.race.linear_evidence import Scales, one_scale
 from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "batch", "group", "discrepancy", "unlisted", "dose"]
+AND = " and "  # between two conditions
 EACH_SET_UP = "each_set_up"  # differs for itself, along no condition
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
@@ -46,11 +48,12 @@ class Block:
 
 
 def unlisted_blocks(
-    rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors
+    rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors, unread: Collection[str]
 ) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
-    One key for each: something acts along one condition, or along all; or each set-up differs for itself.
+    One key for each: something acts along one condition, along all, or along two, each by itself, of which no
+    effect reads one; or each set-up differs for itself.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
     axes = [name for name, column in rows.conditions.items() if axis_scale_of(column[is_known]) is not None]
@@ -61,7 +64,8 @@ def unlisted_blocks(
         whole = np.hstack([columns, level[block.observable]])
         return replace(block, kind="unlisted", columns=whole, scale=scale) if columns.size else block
 
-    places = ("", *(axes if len(axes) > 1 else ()), EACH_SET_UP)
+    pairs = [AND.join(pair) for pair in combinations(axes, 2) if {*pair} & {*unread}]
+    places = ("", *(axes if len(axes) > 1 else ()), *pairs, EACH_SET_UP)
     return {at: [enlarge(b, at) if b.kind == "discrepancy" else b for b in blocks] for at in places}
 
 
@@ -131,20 +135,24 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 
 
 def smooth_columns(rows: ComparisonRows, observable: str, mask: Bools, sd: float, along: str = "") -> Floats:
-    """Columns F (n, q) of a smooth function along one condition, all or no one: F F^T is its covariance."""
+    """Columns F (n, q) of a smooth function along all conditions or some: F F^T is its covariance.
+
+    `along` names one, or two joined by AND, each of which acts by itself; empty: all.
+    """
     at = np.flatnonzero(np.array(rows.names) == observable)
     fitted, by_set_up = mask[at], along == EACH_SET_UP
     by_blocks = observable in rows.noise and rows.noise[observable].scatter.by_blocks
     group = (condition_groups(rows) if by_blocks else np.array(rows.group))[at]
-    kernel = np.where(by_set_up, group[:, None] == group, 1.0)
-    for name in () if by_set_up else [along] if along else rows.conditions:
+    kernel = np.where(by_set_up, group[:, None] == group, 1.0 * (AND not in along))
+    for name in () if by_set_up else along.split(AND) if along else rows.conditions:
         column = rows.conditions[name][at]
         axis = axis_scale_of(column[fitted])
         if axis is not None:
             place = axis.standardise_column(column)
             share = (place - place[fitted].min()) / np.ptp(place[fitted])
             distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
-            kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
+            change = 1.0 + (1.0 + distance) * np.exp(-distance)
+            kernel = kernel + change if AND in along else kernel * change
     kernel = kernel - kernel[fitted].mean(axis=0)
     kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
     count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))

@@ -23,16 +23,14 @@ from math import log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SHARED, STRAIGHT, SURE, Priors
-from taichi_erosion.evidence.race.search import prior
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
+from taichi_erosion.evidence.race.search import can_tell_apart, imitates, prior
 from taichi_erosion.evidence.record import DecisionPart, Verdict
-from taichi_erosion.tables.number_columns import column_affects_result, variance_left_by_parabola
 
 MOST_TOLD = 3  # of a group: more is no answer
 VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds
@@ -70,7 +68,7 @@ def decide_cause(posterior: Posterior) -> Decision:
     group = smallest_group(posterior, [n for n in effects if n not in named], inclusion, len(effects) // 2)
     chance = familywise_p(race, posterior.best_fit) if named or group else 1.0
     refuted: tuple[str, ...] = ()
-    if chance > FAMILYWISE:
+    if by_chance := bool(named or group) and chance > FAMILYWISE:
         named, group = (), ()
     fits = {name: [f for f in race.fits.values() if name in f.hypothesis.acting] for name in mechanisms}
     likeliest = {name: max(some, key=log_joint) for name, some in fits.items() if some}
@@ -82,7 +80,7 @@ def decide_cause(posterior: Posterior) -> Decision:
     imitators = imitating_conditions(race, named, group)
     left = tuple(name for name in named if name not in imitators)
     named, group = ((), ()) if {*group} & {*imitators} else (left, group)
-    single = sound if refuted or imitators or named else inclusion | sound
+    single = sound if refuted or imitators or named or by_chance else inclusion | sound
     leading = both if both or group else smallest_group(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
@@ -120,7 +118,7 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     """
     sets = [{*named, name} for name in group] or [{*named}]
     race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
-    fits = [fit for h, fit in race.fits.items() if h.acting in sets_of]
+    fits = [fit for h, fit in race.fits.items() if h.acting in sets_of and can_tell_apart(race, fit)]
     if not fits:
         return False
     best = max(fits, key=lambda fit: fit.log_evidence)
@@ -139,21 +137,6 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
         alike = tuple(c for c in race.prepared.problem.unread if imitates(rows.conditions[c], change))
         imitators |= {name: alike} if alike else {}
     return imitators
-
-
-def imitates(column: Floats, change: Floats) -> bool:
-    """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
-
-    Or a condition that rises or falls with the change at every step: of four, by chance at p = 2 / 5!; a dose
-    with a control is set, and takes two. Rows alike in both count once: repeats show nothing of it.
-    """
-    column, change = np.unique([np.nan_to_num(column), change], axis=1)
-    steps, turns = np.diff(column), np.sign(np.diff(change))
-    if np.all(steps > 0.0) and abs(turns.sum()) == steps.size >= (2 if column[0] == 0.0 else 4):
-        return True
-    same = np.zeros(change.size)
-    acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT
-    return bool(acts) and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
 
 
 def fit_of_decision(posterior: Posterior, decision: Decision) -> Fit:

@@ -4,7 +4,7 @@
 
 W whitens by the stated errors of the rows. A step goes to the best v' of this linear model, by a share that
 does not raise the misfit; slopes J are finite differences, then rank-one updates. A censored row stands as an
-ordinary row of its residual and curvature, and has no error in common with others.
+ordinary row of its residual and curvature; something unlisted acts on it, errors in common do not.
 
 References: Broyden (1965), Math. Comput. 19, 577 (updates); Tobin (1958), Econometrica 26, 24 (limits).
 """
@@ -180,7 +180,7 @@ class Race:
         rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(error_blocks(rows, finite, sd, self.priors))
-        large = unlisted_blocks(rows, finite, self.blocks, self.priors)
+        large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
         independent = self.prepared.error_correlation_of_rows is None
@@ -192,8 +192,9 @@ class Race:
         work, columns = p.working_residuals(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
         white = [p.whiten(columns_of(block, at.jacobian[:, : self.model.count])) for block in at.blocks]
-        shared = np.hstack([fixed, *white])
-        shared[p.rows.censored] = 0.0
+        seen = [work.weight if b.kind == "unlisted" else 1.0 * ~p.rows.censored for b in at.blocks]
+        white = [each * size[:, np.newaxis] for each, size in zip(white, seen, strict=True)]
+        shared = np.hstack([fixed * ~p.rows.censored[:, np.newaxis], *white])
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         y, x = work.residual + work.weight * (jacobian @ at.v + dosed), jacobian * work.weight[:, np.newaxis]

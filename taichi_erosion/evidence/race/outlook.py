@@ -214,7 +214,11 @@ def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses 
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
     usual, unknown = error_blocks(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
-    large = unlisted_blocks(both, mask, usual, priors)[fit.hypothesis.along] if unknown else []
+    large = (
+        unlisted_blocks(both, mask, usual, priors, place.race.prepared.problem.unread)[fit.hypothesis.along]
+        if unknown
+        else []
+    )
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)

@@ -9,25 +9,28 @@ Reference: Madigan & Raftery (1994), J. Am. Stat. Assoc. 89, 1535 (only what is 
 best is visited).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import comb, log
 
 import numpy as np
 
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.blocks import EACH_SET_UP
+from taichi_erosion.evidence.race.blocks import AND, EACH_SET_UP
 from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
-from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, SURE, Priors
+from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, SHARED, STRAIGHT, SURE, Priors
+from taichi_erosion.tables.number_columns import column_affects_result, variance_left_by_parabola
 
 
 def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     """Prior of all hypotheses with as many effects, alone or beside the same kind of what no list holds.
 
-    That is a mechanism where the model declares some, or one step more unlikely; of each set-up one more.
+    That is a mechanism where the model declares some, or one step more unlikely; of each set-up, and along
+    two conditions, one more.
     """
     size, others, step = len(hypothesis.names), hypothesis.extra, priors.step
-    size += EACH_SET_UP in others
+    size += EACH_SET_UP in others or AND in hypothesis.along
     if others:
         part = step if UNLISTED & {*others} else (1.0 - step) * step ** (len(others) - 1)
         return priors.unlisted * (1.0 - step) * step**size * (part if race.prepared.problem.mechanisms else 1)
@@ -40,7 +43,8 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
 def log_prior_of(race: Race, hypothesis: Hypothesis) -> float:
     """Ln prior of a set of effects, alone or beside what no list holds."""
     whole = prior(race, hypothesis, race.priors) / comb(len(race.model.candidates), len(hypothesis.names))
-    return log(whole / (len(race.large) - 1 if hypothesis.extra else 1))
+    alike = [key for key in race.large if (AND in key) == (AND in hypothesis.along) and key != EACH_SET_UP]
+    return log(whole / (len(alike) if hypothesis.extra else 1))
 
 
 def search_effect_sets(race: Race) -> None:
@@ -71,15 +75,16 @@ def search_effect_sets(race: Race) -> None:
 def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     """Every effect beside a set."""
     for name in effects:
-        hypothesis = replace(parent.hypothesis, names=tuple(sorted((*parent.hypothesis.names, name))))
+        hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
             if (fit := race.add_effect(parent, name, log_prior_of(race, hypothesis))) is not None:
                 race.store_fit(fit)
 
 
-def add_unlisted_effect(race: Race, parent: Fit) -> None:
+def add_unlisted_effect(race: Race, parent: Fit, places: Iterable[str] | None = None) -> None:
     """A set beside what is not in the list, along all conditions and each, or what set-ups differ in."""
-    for along, blocks in race.large.items():
+    for along in [each for each in race.large if AND not in each] if places is None else places:
+        blocks = race.large[along]
         hypothesis = Hypothesis(parent.hypothesis.names, (along if along == EACH_SET_UP else OUTSIDE,), along)
         if hypothesis not in race.fits and any(block.kind == "unlisted" for block in blocks):
             most, price = 0 if along == EACH_SET_UP else 2, log_prior_of(race, hypothesis)
@@ -88,23 +93,56 @@ def add_unlisted_effect(race: Race, parent: Fit) -> None:
 
 
 def grow_sets_beside_unlisted(race: Race, effects: Sequence[str]) -> None:
-    """Sets beside what is not in the list along each condition, grown while one more effect is likelier.
+    """Sets beside what is not in the list along conditions that no effect reads, grown by what is likelier.
 
     Only where something unlisted may act: a large one hides from plain sets what a listed effect does.
     """
     share = race.posterior_probabilities()
     if sum(p for h, p in share.items() if h.extra) < 1.0 - SURE:
         return
-    for start in [h for h in race.fits if h.extra and not h.names]:
+    add_unlisted_effect(race, race.bare, race.large)
+    for start in [h for h in race.fits if h.extra == (OUTSIDE,) and not h.names]:
         best = race.fits[start]
-        for size in range(1, min(MOST, len(effects)) + 1):
-            add_every_effect(race, best, effects)
-            beside = [fit for h, fit in race.fits.items() if replace(h, names=()) == start]
-            wider = [fit for fit in beside if len(fit.hypothesis.names) == size]
-            now = race.optimise_setting(max(wider, key=log_joint)) if wider else best
-            if log_joint(now) <= log_joint(best):
+        if not can_tell_apart(race, best):
+            continue
+        for _ in range(min(MOST, len(effects))):
+            wider = [best]
+            for name in [each for each in effects if each not in best.hypothesis.names]:
+                hypothesis = replace(start, names=tuple(sorted((*best.hypothesis.names, name))))
+                fit = race.add_effect(best, name, log_prior_of(race, hypothesis))
+                if fit is not None and can_tell_apart(race, fit):
+                    wider.append(race.store_fit(fit))
+            if (now := max(wider, key=log_joint)) is best:
                 break
-            best = now
+            best = race.optimise_setting(now)
+
+
+def can_tell_apart(race: Race, fit: Fit) -> bool:
+    """Whether what is unlisted beside effects can do nothing of what these do.
+
+    It acts along conditions that no effect reads, of which none imitates an effect.
+    """
+    places, rows = [*filter(None, fit.hypothesis.along.split(AND))], race.prepared.rows
+    if OUTSIDE not in fit.hypothesis.extra:
+        return True
+    slopes = fit.jacobian[:, race.model.count :].T
+    alike = any(imitates(rows.conditions[place], each) for place in places for each in slopes)
+    return bool(places) and {*places} <= {*race.prepared.problem.unread} and not alike
+
+
+def imitates(column: Floats, change: Floats) -> bool:
+    """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
+
+    Or a condition that rises or falls with the change at every step: of four, by chance at p = 2 / 5!; a dose
+    with a control is set, and takes two. Rows alike in both count once: repeats show nothing of it.
+    """
+    column, change = np.unique([np.nan_to_num(column), change], axis=1)
+    steps, turns = np.diff(column), np.sign(np.diff(change))
+    if np.all(steps > 0.0) and abs(turns.sum()) == steps.size >= (2 if column[0] == 0.0 else 4):
+        return True
+    same = np.zeros(change.size)
+    acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT
+    return bool(acts) and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
 
 
 def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -14,6 +14,7 @@ from taichi_erosion.evidence.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
 from taichi_erosion.tables.number_words import count_noun, heading, plain
 
+FAR = 2.0  # sd of a row, mean distance from which a model does not follow the rows by its numbers
 UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
 TESTED = {"confirmed": "confirm the answer", "undecided": "leave it open"}
 FAULTS = {  # of a set-up
@@ -154,7 +155,8 @@ def failure_text(record: Record) -> str:
         return f"fails on {rows}"
     numbers = {name: (part.before.value, part.start) for name, part in record.parameters.items()}
     numbers = {name: ends for name, ends in numbers.items() if min(ends) > 0.0}  # no adopted strengths
-    if any(each.kind == "group" for each in record.errors) or not numbers:
+    gap = record.rows.residuals(record.rows.before) / record.rows.sd  # levels are no part of it
+    if any(each.kind == "group" for each in record.errors) or not numbers or np.mean(gap**2) > FAR**2:
         return f"follows {rows}, by levels or set-ups that differ more than is usual"
     name = max(numbers, key=lambda each: abs(np.log(np.divide(*numbers[each]))))
     ends, title = [plain(number, 3) for number in numbers[name]], say.in_words(name.rpartition(".")[2])

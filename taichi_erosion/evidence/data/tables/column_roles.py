@@ -32,6 +32,7 @@ from taichi_erosion.tables.headings import (
     DIAMETER,
     GRAIN_DENSITY,
     KINDS,
+    LAWS,
     SCATTER,
     Heading,
     Role,
@@ -134,7 +135,7 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
             column = replace(column, near="")
-        wrong = list(column_unit_faults(cells, column))
+        wrong = list(column_unit_faults(cells, column, column.place in named))
         faults += wrong
         column = replace(column, title=options.titles.get(column.name) or condition_name_of_path(column.name))
         roles.append(replace(column, role="remark", firm=True) if wrong else column)
@@ -171,6 +172,21 @@ def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> d
     return name_of
 
 
+def role_of_heading(heading: Heading, content: Sequence[str], numeric: bool) -> tuple[Role, str]:
+    """Role of a column and what it measures or sets, by its heading and its unit."""
+    role, name = meaning_of(heading.name)
+    measure = longest_word(heading.name, "observables", "halved")[2]
+    if measure and is_other_kind(heading.unit, name) and not is_other_kind(heading.unit, measure):
+        return "observable", measure  # `clay u*t [m/s]`
+    other = role == "n" and (heading.unit or heading.unreadable)  # a porosity, a rate of nitrogen
+    if other or (role, heading.name, heading.unit) == ("sd", "S", "%"):  # a saturation
+        role = "unknown"
+    if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
+        behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
+        role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
+    return role, name
+
+
 def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
@@ -178,17 +194,13 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
     numeric = bool(content) and sum(map(is_quantity, content)) >= NUMERIC_SHARE * len(content)
     if place in named or plain_words(heading.name).partition(" ")[0] == NOTE:
         return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
-    role, name = meaning_of(heading.name)
-    if role == "n" and (heading.unit or heading.unreadable):  # a porosity, a rate of nitrogen
-        role = "unknown"
-    if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
-        behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
-        role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
+    role, name = role_of_heading(heading, content, numeric)
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
         has_number = any(re.match(r"[<>~≈±(]?\s*[-+]?[.,]?\d", cell) for cell in content)  # `Na2SO4` has none
-        fixed = role in ("group", "source") or (role in ("observable", "condition") and has_number)
+        counts = role == "n" and has_digit(content)  # `n=3`
+        fixed = role in ("group", "source") or counts or (role in ("observable", "condition") and has_number)
         return Column(place, heading, role if fixed else "remark", name if fixed else "", numeric=False)
     height = wind_height_of_heading(heading, name)
     if not isnan(height):
@@ -213,7 +225,7 @@ def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults:
         where, wrong = f"{cells.file}: --sd {text}={scatter}", ""
         if not matches:
             wrong = "names no column of a measured quantity"
-        elif any(each.role in ("sd", "se", "cv") and each.of in (matches[0].place, -1) for each in columns):
+        elif any(states_scatter(cells, each) and each.of in (matches[0].place, -1) for each in columns):
             wrong = "a column of the table states it; leave it out"
         faults.extend([f"{where}: {wrong}"] if wrong else [])
         for column in () if wrong else matches:
@@ -225,6 +237,12 @@ def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults:
     return columns
 
 
+def states_scatter(cells: Cells, column: Column) -> bool:
+    """Whether a column states a scatter above 0 in any row."""
+    numbers = (number_or_nan(row[column.place], cells.decimal_comma) for _, row in cells.lines)
+    return column.role in ("sd", "se", "cv") and any(number > 0.0 for number in numbers)
+
+
 def condition_name_of_path(place: str) -> str:
     """Name of a column that sets a place of a scene: `moisture` for `conditions.moisture`."""
     if place == DIAMETER or place.startswith(("contact.", "materials.")):
@@ -232,11 +250,12 @@ def condition_name_of_path(place: str) -> str:
     return place.removeprefix("conditions.").split(",")[0].replace(".", "_").replace("-", "_")
 
 
-def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
-    """A unit that cannot be read, or that is another quantity than the place."""
+def column_unit_faults(cells: Cells, column: Column, named: bool) -> Iterator[str]:
+    """A unit that cannot be read, or that is another quantity than the place; `named`: by the user."""
     where = f"{cells.file}: column '{column.heading.text}'"
     used = column.role in ("observable", "condition")
-    if (used or column.role in ("sd", "se", "cv", "spread")) and column.heading.unreadable:
+    scatter, law = column.role in ("sd", "se", "cv", "spread"), column.heading.unreadable in LAWS
+    if (used or scatter or law) and column.heading.unreadable:
         try:
             parse_scale(column.heading.unreadable)
         except UnknownUnit as error:
@@ -251,13 +270,13 @@ def column_unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     noted = plain_words(column.heading.name).partition(" ")[0] == NOTE
     unknown = bool(column.heading.unit) and not noted and meaning_of(column.heading.name)[0] == "unknown"
     fractions = column.role == "remark" and unknown and has_digit([first])  # `1/16` below `size of shot (in)`
-    if (used or fractions) and not (column.numeric or noted):
+    if (used or fractions or column.role == "n") and not (column.numeric or noted):
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
     elif used or (unknown and column.numeric):
-        yield from (f"{where}: {words}" for words in double_readings(cells, column, content))
+        yield from (f"{where}: {words}" for words in double_readings(cells, column, content, named))
 
 
-def double_readings(cells: Cells, column: Column, content: Sequence[str]) -> Iterator[str]:
+def double_readings(cells: Cells, column: Column, content: Sequence[str], named: bool) -> Iterator[str]:
     """What in a column of numbers has two readings: `none` of a dose, `1.500` beside `250`, a density."""
     none = [each for each in content if plain_words(each) in NONE]
     is_amount = column.name not in AIR if column.role == "condition" else is_dose(column.heading.text)
@@ -268,7 +287,7 @@ def double_readings(cells: Cells, column: Column, content: Sequence[str]) -> Ite
     if number and column.role != "remark":
         yield f"'{number}' has two readings: write {re.sub('[.,]', '', number)} or {number}0"
     plain = plain_words(column.heading.name)
-    if column.name == GRAIN_DENSITY and plain in known_words()["asked"][GRAIN_DENSITY]:
+    if column.name == GRAIN_DENSITY and not named and plain in known_words()["asked"][GRAIN_DENSITY]:
         least = min(number_or_nan(each, cells.decimal_comma) for each in content)
         if least * parse_scale(column.heading.unit or "kg/m3").factor < LIGHTEST:
             yield "of the bulk or of the grains? Head it 'bulk density' or 'grain density'"

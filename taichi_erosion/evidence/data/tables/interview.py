@@ -66,7 +66,7 @@ from taichi_erosion.tables.number_columns import (
     results_of_heaps,
     stem,
 )
-from taichi_erosion.tables.spreadsheet import Cells
+from taichi_erosion.tables.spreadsheet import LEFT_OUT, Cells
 
 SEVERAL_SD = re.compile(r"(?i)(?<![\d.,])(?:[2-9]|1[.,]96)\s*(?:σ|sigma|s\.?d\b|std|standard dev)")
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
@@ -99,6 +99,8 @@ def understand_columns(
     if signs and re.search(f"{STANDARD_ERROR.pattern}|{ERROR_OF_MEAN}", cells.titles):
         remedy = "write a column 'SE' with n, or the sd of repeats"
         faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
+    if has_word(cells.titles, known_words()["rows"]["excluded"]) and any(LEFT_OUT in x for x in cells.notes):
+        faults.append(f"{cells.file}: words beside the table exclude rows that are marked: delete these rows")
     texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
     if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
         faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
@@ -257,7 +259,8 @@ def wind_to_friction_velocity(column: Column, reading: Reading, measured: bool) 
         f"'{text}' becomes a friction velocity, u* = 0.4 U / ln(z / z0), with z = {height:g} m and the "
         f"roughness length z0 {f'= {length:.3g} m' if answer or not bed else f'of {bed.heading.text!r}'}"
     )
-    threshold = "threshold" in meaning_of(column.heading.name)[1] or not measured
+    words = known_words()["asked"]["threshold_u_star"]
+    threshold = "threshold" in meaning_of(text)[1] or has_word(text, words) or not measured
     role, name = ("observable", "threshold_u_star") if threshold else ("condition", FRICTION_VELOCITY)
     column = replace(column, role=role, name=name, title=condition_name_of_path(name), firm=True)
     if bed and not answer:
@@ -321,17 +324,18 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     cells = {c.heading.text: values[c] for c in unread if c.name not in names_of_user}
     clear = (c for c in unread if not (c.unread or c.unclear or c.name in WINDS))
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
-    results += [mean_of_repeats(results)]
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
-    why = non_conditions(cells, results, by_heading, set_ups, conditions)
+    why = non_conditions(cells, [*results, mean_of_repeats(results)], by_heading, set_ups, conditions)
+    factorial = any(np.unique(x).size < x.size for x in values.values())  # levels that recur
+    odd = [c.heading.text for c in unread if factorial or any("±" in row[c.place] for row in rows)]
     if len(values) > 1 and all(c.name == "repose_angle" for c in columns if c.role == "observable"):
-        why |= dict.fromkeys(results_of_heaps({k: x for k, x in cells.items() if k not in why}), BESIDE_ANGLE)
+        rest = {text: x for text, x in cells.items() if text not in why}
+        why |= dict.fromkeys(results_of_heaps(rest, {*odd}.difference(conditions)), BESIDE_ANGLE)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
-    questions = ASKED, BESIDE_ANGLE
-    if unused := [f"'{text}' ({reason})" for text, reason in why.items() if reason not in questions]:
-        reading.interview.assume(f"not used: {', '.join(unused)}")
+    unused = ", ".join(f"'{t}' ({why[t]})" for t in why if why[t] not in (ASKED, BESIDE_ANGLE))
+    reading.interview.assume(f"not used: {unused}" * bool(unused))
     alone = [c for c, x in values.items() if follows(x, set_ups)]
     alone = alone if len(alone) < len(values) else []
     reasons = {c: why.get(c.heading.text, "") for c in unread}
@@ -394,9 +398,11 @@ def recognise_set_up_columns(columns: Sequence[Column], reading: Reading) -> Ite
 def drop_row_numbers(columns: list[Column], reading: Reading) -> list[Column]:
     """The columns; of set-ups that number the rows, `P 1`, `P 2`, the one with most numbers names none."""
     lines = reading.cells.lines
+    settings = [[row[c.place] for _, row in lines] for c in columns if c.role == "condition"]
+    most = len(lines) if any(len({*each}) > 1 for each in settings) else 2  # words that tell rows apart
     while groups := [column for column in columns if column.role == "group"]:
         labels = ["|".join(row[column.place] for column in groups) for _, row in lines]
-        if len({*labels}) < len(lines) or len({re.sub(r"\d", "", each) for each in labels}) == len(lines):
+        if len({*labels}) < len(lines) or len({re.sub(r"\d", "", each) for each in labels}) >= most:
             break
         numbers = max(groups[::-1], key=lambda c: len({re.sub(r"\D", "", row[c.place]) for _, row in lines}))
         reading.interview.assume(f"not used: '{numbers.heading.text}' (it numbers the rows)")

@@ -444,9 +444,9 @@ def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
 def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(tmp_path):
     sizes = {0.12: 0.0, 0.18: 0.01, 0.25: 0.0, 0.36: 0.01, 0.5: 0.0, 0.71: 0.01}
     rows = "".join(f"{d};{0.47 * d**0.5 + more:.3f};0.01;4\n" for d, more in sizes.items())
-    text = LONE.format("sieve mean (mm)") + rows
-    assert "'sieve mean=grains.size.diameter'" in refused(tmp_path, text)
-    assert "sieve_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+    text = LONE.format("shot mean (mm)") + rows
+    assert "'shot mean=grains.size.diameter'" in refused(tmp_path, text)
+    assert "shot_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
 
 
 @pytest.mark.parametrize("label", ["F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值"])
@@ -606,12 +606,16 @@ def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
 def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_none(tmp_path):
     acid = np.random.default_rng(5).normal(7.0, 0.2, (3, 6))
     angle = "{};{};{:.2f};{:.1f}".format
-    blocks = [angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * (w % 2)) for b in range(3) for w in range(6)]
+    blocks = [
+        angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * ((w + b) % 3)) for b in range(3) for w in range(6)
+    ]
     found, told = measured(tmp_path, "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""]))
     assert ([*found.conditions], found.size) == (["moisture"], 18)
     assert "'pH' (it differs between repeats" in " ".join(told)
     acid = acid.round(1)  # five values in 18 rows
-    blocks = [angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * (w % 2)) for b in range(3) for w in range(6)]
+    blocks = [
+        angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * ((w + b) % 3)) for b in range(3) for w in range(6)
+    ]
     few = "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""])
     assert [*measured(tmp_path, few, "few.csv")[0].conditions] == ["moisture"]
     crossed = [(0, 3), (0, 12), (1, 3), (2, 0), (2, 12), (3, 0), (3, 3), (3, 12), (4, 0)]  # in parts
