@@ -41,7 +41,7 @@ NUMBERED = re.compile(
 )
 NumbersByHeading = Mapping[str, Floats]
 RARE = 0.05  # chance below which a column with blank cells may act: it is asked
-MOST_ROWS = 0.75  # share of the rows in which a result differs from the others
+MOST_ROWS = 0.85  # share of the rows in which a result differs from the others
 AXIAL = 2.0  # largest coded level of a central composite design
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something

@@ -28,6 +28,9 @@ threshold_u_star: u*tR (m/s) -> m/s; critical u*t (m/s) -> m/s; 临界起沙摩�
 conditions.friction_velocity: ust (m/s) -> m/s; friction velocity ->
 conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moisture wt.% -> %
 conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water content (g 100 g-1) -> %
+conditions.moisture: moist_pct -> %; H2O [%] -> %; SM (%) -> %
+conditions.pressure: Patm (kPa) -> kPa; baro (mbar) -> mbar; pressure (Torr) -> mmHg
+conditions.altitude: elev. (m) -> m; Höhe ü. M. (m) -> m
 conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
 grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; d [mm] -> mm
 grains.size.diameter: Md (mm) -> mm; Diameter, µm -> µm
@@ -75,7 +78,7 @@ n: Nº muestras; Nb répétitions; 样本数; Anz.; n.º de ensaios; # of runs; 
 n: replicates; Wdh.; Anzahl Wiederholungen
 sd: Desv. est.; é.-t.; Standardabw. [°]; Dev. st.; Odch. stand.; s.d.; 標準偏差
 sd: s; stdev; Standardabweichung; Standardabweichung Winkel
-se: Erreur standard; 標準誤差; SEM; Standardfehler
+se: SD of mean; Erreur standard; 標準誤差; SEM; Standardfehler
 spread: +-
 remark: Notas; Obs.; 日期; Hinweis; Comentário; Anm.
 """
@@ -85,7 +88,7 @@ funnel diameter (mm); internal diameter (mm); wind direction (°); vertical dust
 Soil temperature (°C); 土壤温度(℃); bulk density (g/cm3)
 days after spraying (d); Kontaktwinkel (°); element height (mm); Hauteur (cm)
 months after inoculation; Layer No; Tapping number; Gravel diameter (mm); Snow density (kg/m3)
-Moisture of straw (%); Farbe
+Moisture of straw (%); Farbe; Soluble salt in water (%); Moisture at 1.5 MPa (%); Water absorption (%)
 """
 
 
@@ -150,7 +153,7 @@ def test_what_stands_in_brackets_as_a_unit_and_is_none_is_told(inside):
 def test_numbers_of_a_law_are_known_by_their_heading():
     laws = {"mean grain size (phi)": "phi mm", "mesh no.": "mesh mm", "mesh size (mm)": " mm"}
     laws |= {"tangent of the angle of repose": "tan deg", "tan flux (g/m/s)": " g/(m s)"}
-    laws |= {"moisture content (%, w.b.)": "wet %"}
+    laws |= {"moisture content (%, w.b.)": "wet %", "Wilgotność (% w.m.)": "wet %", "US sieve": "mesh mm"}
     assert {text: f"{read_heading(text).law} {read_heading(text).unit}" for text in laws} == laws
 
 

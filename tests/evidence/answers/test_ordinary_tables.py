@@ -11,7 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
-from taichi_erosion.evidence.race.decision import imitates
+from taichi_erosion.evidence.race.search import imitates
 from tests.evidence.asking import SILENT, ask
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
@@ -354,3 +354,36 @@ def test_alike_rows_that_differ_far_beyond_their_sd_are_no_agreement(tmp_path):
     rows = [f"{d},{(0.47 + 0.1 * k) * d**0.5:.3f},0.01,3\n" for k in range(3) for d in (0.1, 0.2, 0.4, 0.8)]
     first, *_ = answer(study_of(tmp_path, "t", "d (mm),u*t (m/s),SD,n\n" + "".join(rows))).answer().lines
     assert first.startswith("No effect is named: the model agrees only because repeats scatter")
+
+
+def test_a_listed_effect_is_named_beside_a_condition_that_no_effect_reads(tmp_path):
+    rows = [(w, d, c) for w in (0, 0.5, 1, 2, 3) for d in (0.2, 0.4) for c in (0, 20, 60)]
+    noise = np.random.default_rng(1).normal(1.0, 0.03, len(rows))
+    wet = [0.47 * d**0.5 * (1 + 1.21 * w**0.68) ** 0.5 for w, d, _ in rows]
+    values = [u * e * (1.0 + 0.012 * c) for u, e, (*_, c) in zip(wet, noise, rows, strict=True)]
+    lines = [f"{w};{d};{c};{u:.4f};3 %" for (w, d, c), u in zip(rows, values, strict=True)]
+    reply = answer(study_of(tmp_path, "", "\n".join(["w (%);d (mm);crust (kPa);u*t (m/s);CV", *lines, ""])))
+    assert named(reply) == {"liquid_bridge": True}
+    assert [(each.condition, each.shape) for each in reply.record.curves] == [("crust", "rises")]
+    assert "and beside it something not in the list (probability" in reply.answer().lines[0]
+
+
+def test_what_is_unlisted_acts_on_rows_below_a_limit_too(tmp_path):
+    rows = [(u, c) for u in (0.5, 0.6, 0.65, 0.8) for c in (0, 6, 10, 20)]
+    fluxes = [280 * (u - 0.22) * (u + 0.22) ** 2 * np.exp(-0.12 * c) for u, c in rows]
+    shown = [f"{q:.1f};3 %" if q > 6.2 else "<6.2;" for q in fluxes]
+    lines = [f"{u};{c};{text}" for (u, c), text in zip(rows, shown, strict=True)]
+    table = "\n".join(["u* (m/s);vegetation cover (%);flux (g/m/s);CV", *lines, ""])
+    record = answer(study_of(tmp_path, "", table)).record
+    assert record.named == ()
+    assert ("vegetation_cover", "falls") in [(each.condition, each.shape) for each in record.curves]
+
+
+def test_a_bad_row_alone_makes_nothing_that_is_not_in_the_list(tmp_path):
+    angles = {(0.5, 500): 35.8, (0.1, 500): 30.2, (0.3, 500): 33.8, (0.7, 500): 39.0, (0.9, 500): 41.3}
+    angles |= {(0.5, 250): 36.0, (0.05, 350): 36.5, (0.5, 700): 36.1}  # 0.05 should be 0.5
+    rows = [f"{at};{d};{angle};0.7;3" for (at, d), angle in angles.items()]
+    table = "\n".join(["angularity;d (µm);angle of repose (deg);SD;n", *rows, ""])
+    reply = answer(study_of(tmp_path, "", table))
+    assert (reply.record.verdict, reply.record.pivotal_row) == ("none_detected", 8)
+    assert "row 8 alone speaks for something" in reply.answer().lines[0]
