@@ -270,7 +270,9 @@ def is_computed_at_each(column: Floats, result: Floats, others: NumbersByHeading
 
     At each value of the other it is linear in the quantity (share of a control) or its square (Shields).
     """
-    for x in (each for each in others.values() if differs_between_groups(column, each)):
+    both = np.isfinite(column) & np.isfinite(result)
+    column, result = column[both], result[both]
+    for x in (each[both] for each in others.values() if differs_between_groups(column, each[both])):
         same = x[:, np.newaxis] == np.unique(x)
         free = column.size - 2 * same.shape[1]
         if min(free, 2 * same.shape[1]) < LEAST_FREE:

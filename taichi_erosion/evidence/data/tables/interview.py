@@ -218,6 +218,8 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
         why = f"{changed}: {remedy}; if it is that,"
+    if column.changed and column.changed not in plain_words(text):  # its unit says so, `m3/m3`
+        why, advice = f"{changed}: {remedy}, or", f"--condition '{text}={column.heading.unit}' as your own"
     return reading.reject(column, f"{why} {advice}; {UNUSED}")
 
 
