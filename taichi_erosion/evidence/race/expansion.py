@@ -90,13 +90,14 @@ class RaceModel:
         """Strength of one effect."""
         return bounded_strength(self.candidates[name], t, self.largest_strength(name), self.priors)
 
-    def strengths(self, names: Acting, v: Floats) -> dict[str, float]:
-        """Strengths of the acting effects."""
-        return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
+    def numbers_and_strengths(self, names: Acting, v: Floats) -> tuple[Floats, dict[str, float]]:
+        """Calibrated numbers on their axes, and strengths of the acting effects."""
+        pairs = zip(names, v[self.count :], strict=True)
+        return self.axis_numbers(v[: self.count]), {name: self.strength(name, float(t)) for name, t in pairs}
 
     def mean_over(self, names: Acting, v: Floats, seeds: Integers) -> Floats:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
-        x, acting = self.axis_numbers(v[: self.count]), self.strengths(names, v)
+        x, acting = self.numbers_and_strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.past_settings:
             self.spend_one_setting()
@@ -116,7 +117,7 @@ class RaceModel:
         if not doses:
             return self.mean_over(names, v, seeds) + self.shift
         self.spend_one_setting()
-        x, acting, p = self.axis_numbers(v[: self.count]), self.strengths(names, v), self.predictor
+        (x, acting), p = self.numbers_and_strengths(names, v), self.predictor
         if self.prepared.problem.dosed_by_row:
             return mean_over_finite_seeds(p.predict_without_cache(x, acting, seeds, doses)) + self.shift
         total, table = np.zeros(p.which.size), np.array(list(doses.values()))
@@ -136,8 +137,7 @@ class RaceModel:
     def errors(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
-        errors = p.model_errors(self.axis_numbers(v[: self.count]), self.strengths(names, v), doses)
-        return np.hstack([p.rows.shared, errors])
+        return np.hstack([p.rows.shared, p.model_errors(*self.numbers_and_strengths(names, v), doses)])
 
     def jacobian(self, names: Acting, v: Floats, mean: Floats, doses: Conditions | None = None) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""

@@ -233,10 +233,10 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     race, n, v, model = place.race, fit.mean.size, fit.v, place.model
     mean, jacobian, doses = joint_expansion(place, fit)
     both = join_to_fitted(race.prepared.rows, place.rows, mean[n:])
-    acting = model.strengths(fit.hypothesis.names, v)
     varied = doses and fit.hypothesis.doses_of(doses.w)
     known_w = np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))
-    emulator = model.prepared.model_errors(model.axis_numbers(v[: model.count]), acting, varied, n)
+    setting = model.numbers_and_strengths(fit.hypothesis.names, v)
+    emulator = model.prepared.model_errors(*setting, varied, n)
     if place.runs is not None:
         mean, emulator[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
         emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
