@@ -66,11 +66,11 @@ class LawRows:
         slopes[:, 0] = self.y - slopes[:, 0]
         return slopes
 
-    def held_out_fold_density(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
-        """Ln density of rows outside given those inside, and their misfit."""
+    def held_out_fold_density(self, w: Floats, outside: Bools) -> Floats:
+        """Ln density of rows outside given all others, and their misfit."""
         linear, densities = self.linearise(w), []
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
-        for k in (inside | outside, inside):
+        for k in (np.ones_like(outside), ~outside):
             root = scipy.linalg.cholesky(variance[np.ix_(k, k)], lower=True)
             misfit = float(np.sum(scipy.linalg.solve_triangular(root, linear[k, 0], lower=True) ** 2))
             densities.append([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
@@ -246,5 +246,5 @@ def cross_validation_density(rows: LawRows, fit: FittedForm | None = None) -> Fl
     for fold in np.unique(rows.folds):
         outside = rows.folds == fold
         w = np.zeros(outside.size) if fit is None else fit.refit_to_rows(rows, ~outside).doses()
-        errors += rows.held_out_fold_density(w, ~outside, outside)
+        errors += rows.held_out_fold_density(w, outside)
     return errors
