@@ -180,8 +180,7 @@ class Race:
         rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(error_blocks(rows, finite, sd, self.priors))
-        large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
-        self.large = {key: tuple(each) for key, each in large.items()}
+        self.large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
         independent = self.prepared.error_correlation_of_rows is None
         self.slips = slips_of_decimal_point(rows, sd if independent else np.full(sd.size, np.nan))

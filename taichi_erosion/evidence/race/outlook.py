@@ -213,13 +213,10 @@ def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses 
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
-    usual, unknown = error_blocks(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
-    large = (
-        unlisted_blocks(both, mask, usual, priors, place.race.prepared.problem.unread)[fit.hypothesis.along]
-        if unknown
-        else []
-    )
-    built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
+    blocks, h = error_blocks(both, mask, unit, priors), fit.hypothesis
+    if UNLISTED & h.acting:
+        blocks += unlisted_blocks(both, mask, blocks, priors, p.problem.unread)[h.along]
+    built = {block.scale.names[0]: block.columns for block in blocks}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
