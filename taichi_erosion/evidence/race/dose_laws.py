@@ -100,7 +100,6 @@ class FittedForm:
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Range of the numbers."""
         return np.array([-np.inf, *self.form.low]), np.array([np.inf, *self.form.high])
 
     def doses(self, numbers: Floats | None = None) -> Floats:

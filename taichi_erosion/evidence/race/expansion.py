@@ -29,7 +29,6 @@ EDGE = 0.02  # least share of a range that its start is taken to be away from an
 
 
 def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
-    """Calibrated number on its own axis."""
     if effect_of_path(axis.name) is not None:
         return bounded_strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
     if not np.isfinite(axis.high - axis.low):
@@ -41,7 +40,6 @@ def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
 
 
 def bounded_strength(candidate: Candidate, v: float, largest: float, priors: Priors) -> float:
-    """Strength of an effect."""
     typical = min(priors.typical * candidate.prior_scale, candidate.maximum)
     return float(-largest * np.expm1(-typical * np.exp(np.clip(priors.spread * v, -30.0, 10.0)) / largest))
 
@@ -77,17 +75,14 @@ class RaceModel:
         return self.reach * self.candidates[name].maximum
 
     def axis_numbers(self, v: Floats) -> Floats:
-        """Calibrated numbers on their axes."""
         pairs = zip(self.prepared.parameter_axes, v, strict=True)
         return np.array([parameter_axis_position(axis, float(z), self.priors) for axis, z in pairs])
 
     def numbers_in_units(self, v: Floats) -> Floats:
-        """Calibrated numbers in their units."""
         pairs = zip(self.prepared.parameter_axes, self.axis_numbers(v), strict=True)
         return np.array([value_on_axis(axis, float(x)) for axis, x in pairs])
 
     def strength(self, name: str, t: float) -> float:
-        """Strength of one effect."""
         return bounded_strength(self.candidates[name], t, self.largest_strength(name), self.priors)
 
     def numbers_and_strengths(self, names: Acting, v: Floats) -> tuple[Floats, dict[str, float]]:

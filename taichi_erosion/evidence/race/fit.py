@@ -37,7 +37,6 @@ GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are
 
 
 def axis_to_dose(w: Floats) -> Floats:
-    """Doses of places on that axis."""
     return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
 
 
@@ -55,7 +54,6 @@ class Hypothesis:
         return frozenset((*self.names, *self.extra))
 
     def without(self, name: str) -> "Hypothesis":
-        """The same without one of its effects."""
         return replace(self, names=tuple(each for each in self.names if each != name))
 
     def doses_of(self, w: Floats) -> Conditions:
@@ -342,7 +340,6 @@ class Race:
         return optimum
 
     def optimise_from_start(self, start: Fit) -> Fit:
-        """The best setting from a start, with slopes there."""
         return self.polish(self.optimise_setting(self.gauss_newton(start, 3, 0)))
 
     def best_of(self, some: Fit, other: Fit) -> Fit:
@@ -350,7 +347,6 @@ class Race:
         return self.store_fit(max(some, other, key=lambda each: each.log_evidence))
 
     def bare_expansion(self, v: Floats, log_prior: float) -> Expansion:
-        """Nothing is missing, about a setting."""
         mean = self.model.predict_mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)

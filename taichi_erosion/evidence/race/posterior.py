@@ -79,7 +79,6 @@ class Posterior:
 
     @cached_property
     def draws(self) -> list[Draws]:
-        """Draws of every hypothesis that matters."""
         draws_of_fits, random = list[Draws](), np.random.default_rng(SEED)
         for h, share in self.likely_hypotheses(1e-3).items():
             fit, each = self.race.fits[h], max(4, int(DRAWS * share / SCALES))

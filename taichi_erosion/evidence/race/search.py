@@ -73,7 +73,6 @@ def search_effect_sets(race: Race) -> None:
 
 
 def add_every_effect(race: Race, parent: Fit) -> None:
-    """Every effect beside a set."""
     for name in race.model.candidates:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
