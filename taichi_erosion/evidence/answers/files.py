@@ -85,7 +85,6 @@ class Reply:
 
 
 def record_type(command: Command) -> TypeAdapter[Any]:
-    """Record of the answers of a command."""
     return PREDICTION if command == "predict" else RECORD
 
 

@@ -63,7 +63,6 @@ class Kind:
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Effects and mechanisms that act."""
         return tuple(sorted(self.fits[0].hypothesis.acting - UNLISTED))
 
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
@@ -192,7 +191,6 @@ def run_fresh_test(
 
 
 def fresh_test_record(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
-    """What is told of an answer by some fresh runs."""
     race = kinds[0].race
     each, none = list(zip(kinds, campaign.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
     evidence = np.array([log_sum(kind.refit_with_runs(none, run.columns)) for kind, run in each])

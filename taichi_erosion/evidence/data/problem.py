@@ -212,7 +212,6 @@ class Problem:
         return self.measurements.pick_rows_at(rows)
 
     def measurements_in_vault(self) -> Measurements:
-        """The rows inside the vault."""
         return self.measurements.pick_rows_at(self.vault.rows)
 
 

@@ -94,8 +94,6 @@ class SceneScatter:
 
 @dataclass(frozen=True)
 class TestedRow:
-    """A row at which an answer is tested."""
-
     row: int
     observable: Observable
     place: int  # of the observable among those of its scene

@@ -18,8 +18,6 @@ LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken
 
 @dataclass
 class ModelCost:
-    """Cost of a model so far."""
-
     runs: int = 0  # a run is one set-up, evaluated with one seed
 
 

@@ -250,7 +250,6 @@ class RowReader:
         return [column for column in self.columns if column.role in roles]
 
     def add_fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
-        """Keep what is wrong with a cell."""
         cell = quote_cell(row[column.place])
         message = f"{self.cells.file}: row {line}, {column.heading.text} = {cell} {words}"
         self.wrong.setdefault((column.place, str(words)), []).append(message)
