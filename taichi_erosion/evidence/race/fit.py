@@ -9,7 +9,6 @@ ordinary row of its residual and curvature; something unlisted acts on it, error
 References: Broyden (1965), Math. Comput. 19, 577 (updates); Tobin (1958), Econometrica 26, 24 (limits).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -386,8 +385,8 @@ class Race:
         scores = np.array([*map(log_joint, self.fits.values())])
         return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 
-    def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
+    def likeliest_fits(self, least: float) -> list[Fit]:
         """Fits of at least some probability, best first."""
         share = self.posterior_probabilities()
-        fits = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
+        fits = [fit for key, fit in self.fits.items() if share[key] >= least]
         return sorted(fits, key=lambda fit: -share[fit.hypothesis])

@@ -200,7 +200,7 @@ def has_unexplained_misfit(race: Race) -> bool:
 
     Until mechanisms are tried, what is not in the list has their prior too.
     """
-    listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.extra)
+    listed = [fit for fit in race.likeliest_fits(0.0) if not fit.hypothesis.extra]
     share = race.posterior_probabilities()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)

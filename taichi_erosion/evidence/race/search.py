@@ -58,8 +58,8 @@ def search_effect_sets(race: Race) -> None:
     for size in range(1, min(MOST, len(race.model.candidates))):
         grow_sets_by_one_effect(race, size)
     prune_sets_of_effects(race)
-    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
-    best = [fit.hypothesis for fit in plain[:3]]
+    likeliest = [fit.hypothesis for fit in race.likeliest_fits(KEEP)]
+    best = [each for each in likeliest if each.names and not each.extra][:3]
     sets = {*best, *(each.without(name) for each in best for name in each.names)}
     for each in sorted(sets & (race.fits.keys() - {race.bare.hypothesis}), key=lambda each: each.names):
         add_unlisted_effect(race, race.fits[each])
