@@ -31,7 +31,7 @@ from taichi_erosion.evidence.data.comparison_rows import (
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working_residuals
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, error_blocks, unlisted_blocks
@@ -110,8 +110,7 @@ def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     p = race.prepared
     both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), row_medians(p.rows, p.seed_variance)
     predictor = p.predictor.at_rows(both.observables, both.which, both.conditions)
-    joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
-    model = RaceModel(joint, priors=race.priors)
+    model = RaceModel(replace(p, rows=both, predictor=predictor), priors=race.priors)
     return JointRows(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
 
