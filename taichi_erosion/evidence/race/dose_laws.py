@@ -137,10 +137,7 @@ def dose_law_of_decision(posterior: Posterior, decision: Decision) -> Law | None
 
 
 def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
-    """The law of the mechanism of a fit; None without one or with two, or with few rows.
-
-    Raises BudgetSpentError.
-    """
+    """Law of the mechanism of a fit; None without one, with two or with few rows. Raises BudgetSpentError."""
     if fit.dose is None or len(fit.row_doses_of) > 1 or fit.mean.size < FOLDS:
         return None
     dosing = dosing_of_fit(race, fit, fit.dose.factor)

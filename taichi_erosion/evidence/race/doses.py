@@ -155,7 +155,6 @@ def all_dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
 
 
 def dosing_of_fit(race: Race, fit: Fit, factor: Floats) -> Dosing:
-    """The mechanisms of a fit with a kernel over some rows."""
     places = {each.name: each for each in race.prepared.problem.mechanisms}
     acting, h = tuple(places[name] for name in fit.hypothesis.extra), fit.hypothesis
     return Dosing(race, acting, fit.log_prior, h.along, factor, h.names)

@@ -95,13 +95,10 @@ class Expansion:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Expansion):
-    """An expansion with its evidence."""
-
     evidence: Evidence
 
     @property
     def log_evidence(self) -> float:
-        """Ln of the marginal likelihood."""
         return self.evidence.log_evidence
 
     @property
@@ -342,7 +339,6 @@ class Race:
         return self.polish(self.optimise_setting(self.gauss_newton(start, 3, 0)))
 
     def best_of(self, some: Fit, other: Fit) -> Fit:
-        """The likelier of two fits of one hypothesis."""
         return self.store_fit(max(some, other, key=lambda each: each.log_evidence))
 
     def bare_expansion(self, v: Floats, log_prior: float) -> Expansion:

@@ -209,7 +209,6 @@ def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses |
 
 
 def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
-    """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
     blocks, h = error_blocks(both, mask, unit, priors), fit.hypothesis

@@ -95,10 +95,7 @@ class Posterior:
 
     @cached_property
     def without_rows(self) -> "dict[int, Posterior]":
-        """The posterior without each row that is a single measurement, by its line in the table.
-
-        At the same settings and scales.
-        """
+        """The posterior at the same settings and scales without each single measurement, by its line."""
         rows, fits = self.race.prepared.rows, [self.race.fits[h] for h in self.probability]
         scores = np.array([[log(p) if p > 0.0 else -np.inf] for p in self.probability.values()])
         scores = scores - np.array([fit.evidence.log_densities for fit in fits])
@@ -117,23 +114,25 @@ class Posterior:
         """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect has no single one."""
         numbers, weight = self.number_draws
         names = list(self.race.model.candidates)
-        strengths = [np.concatenate([self.strengths(each, name) for each in self.draws]) for name in names]
         picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
         keys = [axis.name for axis in self.race.prepared.parameter_axes] + names
-        return dict(zip(keys, np.vstack([numbers.T, *strengths])[:, picked], strict=True))
+        return dict(zip(keys, np.vstack([numbers.T, *map(self.strengths, names)])[:, picked], strict=True))
 
     def strength_draws(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
-        values = np.concatenate([self.strengths(each, name) for each in self.draws])
+        values = self.strengths(name)
         return values[values > 0.0], np.concatenate([each.weight for each in self.draws])[values > 0.0]
 
-    def strengths(self, draws: Draws, name: str) -> Floats:
-        """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""
-        names = draws.fit.hypothesis.names
-        if name not in names:
-            return np.zeros(draws.weight.size)
-        column = draws.values[:, self.race.model.count + names.index(name)]
-        return np.array([self.race.model.strength(name, v) for v in column])
+    def strengths(self, name: str) -> Floats:
+        """Strengths of an effect in all draws; 0 where it has no single one."""
+        model, values = self.race.model, list[float]()
+        for each in self.draws:
+            if name in (names := each.fit.hypothesis.names):
+                column = each.values[:, model.count + names.index(name)]
+                values += [model.strength(name, v) for v in column]
+            else:
+                values += [0.0] * each.weight.size
+        return np.array(values)
 
 
 def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0.5, 0.95)) -> Floats:

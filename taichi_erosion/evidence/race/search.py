@@ -100,14 +100,12 @@ def grow_sets_beside_unlisted(race: Race) -> None:
     if sum(p for h, p in share.items() if h.extra) < 1.0 - SURE:
         return
     add_unlisted_effect(race, race.bare, race.large)
-    for start in [h for h in race.fits if h.extra == (OUTSIDE,) and not h.names]:
-        best = race.fits[start]
-        if not can_tell_apart(race, best):
-            continue
+    starts = [fit for h, fit in race.fits.items() if h.extra == (OUTSIDE,) and not h.names]
+    for best in [fit for fit in starts if can_tell_apart(race, fit)]:
         for _ in range(min(MOST, len(race.model.candidates))):
             wider = [best]
             for name in [each for each in race.model.candidates if each not in best.hypothesis.names]:
-                hypothesis = replace(start, names=tuple(sorted((*best.hypothesis.names, name))))
+                hypothesis = replace(best.hypothesis, names=tuple(sorted((*best.hypothesis.names, name))))
                 fit = race.add_effect(best, name, log_prior_of(race, hypothesis))
                 if fit is not None and can_tell_apart(race, fit):
                     wider.append(race.store_fit(fit))
