@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -140,9 +141,7 @@ def infer_all(ready: Study, progress: Progress, bare: bool = False) -> StudyInfe
     return StudyInference(posterior, decide_cause(posterior))
 
 
-def bare(ready: Study, progress: Progress) -> StudyInference:
-    """The race of a study without anything that could be missing."""
-    return infer_all(ready, progress, bare=True)
+bare = partial(infer_all, bare=True)  # without anything that could be missing
 
 
 def answer_with_unit_faults(

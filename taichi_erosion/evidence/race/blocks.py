@@ -91,22 +91,23 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
     masks = ((rows.which == k) & is_known for k in rows.which)
     size = np.array([np.median(unit[mask] if is_known.any() else 1.0) for mask in masks])
     cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_groups(rows), strict=True)]
-    source, set_up = one_scale("source", cauchy=near), one_scale("preparation", normal=2.0 * near)
-    kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
-    kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
-    if any(noise.scatter.by_blocks for noise in rows.noise.values()):
-        batch = one_scale("batch", normal=2.0 * near)
-        kinds = (*kinds, ("batch", list(map(str, condition_groups(rows))), batch))
-    for kind, labels, prior in kinds:
+
+    def block_of_labels(kind: Kind, labels: Sequence[str], **prior: float) -> Iterator[Block]:
         if pairs := label_masks(rows, is_known, labels):
-            yield Block(kind, "", np.column_stack([mask for _, mask in pairs]) * size[:, None], prior)
+            columns = np.column_stack([mask for _, mask in pairs]) * size[:, None]
+            yield Block(kind, "", columns, one_scale(kind, **prior))
+
+    yield from block_of_labels("source", rows.source_names, cauchy=near)
+    yield from block_of_labels("preparation", cells, normal=2.0 * near)
+    if any(noise.scatter.by_blocks for noise in rows.noise.values()):
+        yield from block_of_labels("batch", list(map(str, condition_groups(rows))), normal=2.0 * near)
     groups = [*dict.fromkeys(label for label, _ in label_masks(rows, is_known, rows.group))]
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
         yield Block("group", "", masks.astype(np.float64), one_scale("group", cauchy=2.0 * near))
 
 
-def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> list[tuple[str, Bools]]:
+def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> list[tuple[str, Floats]]:
     """A mask for each label of each observable that has several rows of it and others too.
 
     A label of no known row has one too: what is known of the others says how large it may be.
@@ -119,8 +120,8 @@ def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> l
             chosen = mask & (label == each)
             number = int(np.sum(chosen & is_known))
             if count and (1 < number < count or not number):
-                pairs.append((each, chosen))
-    return pairs if any(np.any(mask & is_known) for _, mask in pairs) else []
+                pairs.append((each, chosen.astype(np.float64)))
+    return pairs if any(np.any(mask[is_known] > 0.0) for _, mask in pairs) else []
 
 
 def columns_of(block: Block, jacobian: Floats) -> Floats:

@@ -103,7 +103,6 @@ class Fit(Expansion):
 
     @property
     def linear_target(self) -> Floats:
-        """Best setting of the linear model."""
         return self.evidence.solution.centre[: self.v.size]
 
     @property
@@ -308,7 +307,6 @@ class Race:
 
     @property
     def bare(self) -> Fit:
-        """Nothing is missing."""
         return self.fits[Hypothesis(())]
 
     def effect_sets(self, *sizes: int) -> list[Fit]:
@@ -358,9 +356,7 @@ class Race:
             mean = self.model.predict_mean(names, v, parent.row_doses_of)
             if np.all(np.isfinite(mean)):
                 break
-        else:
-            return None
-        if np.array_equal(mean, parent.mean):
+        if not np.all(np.isfinite(mean)) or np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
         start = replace(parent.hypothesis, names=names), v, mean, jacobian, parent.errors, parent.blocks

@@ -29,7 +29,7 @@ from taichi_erosion.evidence.data.comparison_rows import (
     shared_error_columns,
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
-from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable, pick_rows
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working_residuals
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
@@ -229,7 +229,6 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     mean, jacobian, doses = joint_expansion(place, fit)
     both = join_to_fitted(race.prepared.rows, place.rows, mean[n:])
     varied = doses and fit.hypothesis.doses_of(doses.w)
-    known_w = np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))
     setting = model.numbers_and_strengths(fit.hypothesis.names, v)
     emulator = model.prepared.model_errors(*setting, varied, n)
     if place.runs is not None:
@@ -237,7 +236,7 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
         emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
     errors, blocks = np.hstack([both.shared, emulator]), joint_blocks(place, fit, both, doses)
     first_blocks = tuple(replace(block, columns=block.columns[:n]) for block in blocks)
-    dose = doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w])
+    dose = doses and Doses(**pick_rows(vars(doses), np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))))
     first = {"mean": mean[:n], "jacobian": jacobian[:n], "errors": errors[:n], "blocks": first_blocks}
     rows = race.linear(replace(fit, **first, dose=dose))[0]
     active = np.any(rows.columns != 0.0, axis=0)

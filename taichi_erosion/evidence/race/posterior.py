@@ -15,7 +15,6 @@ from functools import cached_property
 from math import log
 
 import numpy as np
-from numpy.linalg import LinAlgError
 from scipy.special import logsumexp
 
 from taichi_erosion.core.errors import BadInput
@@ -56,7 +55,7 @@ def draw_scales(
         try:
             now = best.rows.at_scales(u)
             root = np.linalg.cholesky(now.inverse)
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             continue
         length = float(step @ step) * stretch**2
         log_weight.append(now.value + 0.5 * (FREEDOM + best.u.size) * np.log1p(length / FREEDOM))
@@ -107,7 +106,6 @@ class Posterior:
 
     @property
     def best_fit(self) -> Fit:
-        """The likeliest explanation."""
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
     def draw_numbers_and_strengths(self, count: int) -> dict[str, Floats]:

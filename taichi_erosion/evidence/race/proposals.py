@@ -109,7 +109,6 @@ def experiment_record(
 
 
 def possible_rows(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
-    """Every measurement that a laboratory could make."""
     rows, names, sets = prepared.rows, [], []
     for k in np.unique(rows.which):
         sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
