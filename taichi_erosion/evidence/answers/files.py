@@ -136,7 +136,6 @@ def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
 
 
 def write_document(file: Path, content: Document) -> Path:
-    """Write a document in place of an earlier one."""
     return write_atomic(file, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 

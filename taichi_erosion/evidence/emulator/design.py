@@ -79,8 +79,6 @@ class Setting:
 
 @dataclass(frozen=True)
 class PlanSize:
-    """Numbers of runs."""
-
     bare: int  # per calibrated number and one more
     effect: int  # of every effect
     condition: int  # more of an effect for every condition that enters, and every number of its own

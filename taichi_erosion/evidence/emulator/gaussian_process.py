@@ -88,8 +88,6 @@ class ActiveInputs:
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A fitted process of one observable."""
-
     training: Points
     reads: ActiveInputs
     amplitude: Floats  # (effects + 3,): bend, every effect, two together, scatter; over `width`

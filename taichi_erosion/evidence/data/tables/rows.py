@@ -104,8 +104,6 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of measurements as read."""
-
     file: str
     conditions: tuple[str, ...]  # names of the columns behind every row's conditions
     units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
