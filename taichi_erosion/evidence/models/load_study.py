@@ -117,8 +117,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     measurements, notes = study_measurements(table, file, str(path), condition_units(file, path, files))
     if impossible := list(impossible_study_values(table, file, path.parent)):
         raise BadInput(*impossible)
-    (first, _), digest = first_study_of_adoptions(path, file), table_digest(measurements)
-    results = first.with_name(f"{first.stem}-results")  # beside the first of the studies that it follows
+    results, digest = results_folder(path, file), table_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
         parts = load_function_model(path, file, store, files)
@@ -214,6 +213,12 @@ def effects_to_try(file: StudyFile, name: str, own_effects: Mapping[str, Effect]
     tables, names = section.tables, dict.fromkeys((*(listed or section.tables), *own_effects))
     tried = (name for name in names if name not in file.adopted)
     return [simulator.as_candidate(each, tables.get(each, CandidateEntry()), own_effects) for each in tried]
+
+
+def results_folder(path: Path, file: StudyFile) -> Path:
+    """`<stem>-results` beside the study, or beside the first of the studies that it follows."""
+    first, _ = first_study_of_adoptions(path, file)
+    return first.with_name(f"{first.stem}-results")
 
 
 def first_study_of_adoptions(path: Path, file: StudyFile) -> tuple[Path, StudyFile]:
