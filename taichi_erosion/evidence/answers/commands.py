@@ -136,7 +136,6 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
 
 
 def infer_all(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
-    """The race of a study."""
     posterior = infer(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
     return StudyInference(posterior, decide_cause(posterior))
 

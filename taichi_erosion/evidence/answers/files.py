@@ -78,7 +78,6 @@ class Reply:
         return Vocabulary(about["study"], command_with_options, self.units, *words, results, adopted_path)
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
-        """Sentences and table."""
         if self.command == "predict":
             return lines.prediction_answer(self.record, self.about, self.units)
         return lines.ANSWERS[self.command](self.record, self.vocabulary(*options, call=call))

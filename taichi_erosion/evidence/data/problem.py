@@ -185,8 +185,6 @@ class Vault:
 
 @dataclass(frozen=True)
 class Problem:
-    """A whole study, ready for the statistics."""
-
     measurements: Measurements
     observables: Mapping[str, Observable]
     parameters: tuple[Parameter, ...]

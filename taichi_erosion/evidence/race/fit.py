@@ -186,12 +186,11 @@ class Race:
         white = [p.whiten(columns_of(block, at.jacobian[:, : self.model.count])) for block in at.blocks]
         seen = [work.weight if b.kind == "unlisted" else 1.0 * ~p.rows.censored for b in at.blocks]
         white = [each * size[:, np.newaxis] for each, size in zip(white, seen, strict=True)]
-        shared = np.hstack([fixed * ~p.rows.censored[:, np.newaxis], *white])
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         y, x = work.residual + work.weight * (jacobian @ at.v + dosed), jacobian * work.weight[:, np.newaxis]
         scales = sum((b.scale for b in at.blocks), Scales.empty()) + self.scatter_scales
-        whole = np.hstack([x, shared])
+        whole = np.hstack([x, fixed * ~p.rows.censored[:, np.newaxis], *white])
         rows = LinearRows(y, whole, block, self.scatter, scales, np.ones(y.size), self.slips)
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
 

@@ -150,8 +150,7 @@ def grow_sets_by_one_effect(race: Race, size: int) -> None:
         race.optimise_setting(fit)
     for fit in best_sets(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
-            rest = race.fits.get(fit.hypothesis.without(name))
-            if rest is not None:
+            if (rest := race.fits.get(fit.hypothesis.without(name))) is not None:
                 add_every_effect(race, rest)
         for near in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
             race.optimise_setting(near)
