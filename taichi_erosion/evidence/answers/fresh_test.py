@@ -178,7 +178,7 @@ def run_fresh_test(
         if len(campaign.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
             break
         some = race.prepared.rows.select_rows(nearest)
-        rows = part.at_rows(some.observables, some.which, some.conditions).row_requests
+        rows = part.at_rows(some.which, some.conditions).row_requests
         more = simulate(settings[:2], rows, np.ones(nearest.size), progress, int(times[nearest[0]]))
         if more.seeds < times[nearest[0]] * first.seeds:
             break
@@ -259,7 +259,7 @@ def simulate_untrained_rows(
 
     def simulate_rows(row_numbers: Integers) -> FreshCampaign:
         some = rows.select_rows(row_numbers)
-        requests = predictor.at_rows(some.observables, some.which, some.conditions).row_requests
+        requests = predictor.at_rows(some.which, some.conditions).row_requests
         spent = simulator.training.other_runs + len(keys - simulator.stored_keys)
         counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
         return counting.simulate_settings([point], requests, np.ones(row_numbers.size), progress)

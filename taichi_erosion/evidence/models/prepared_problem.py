@@ -146,7 +146,7 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     warnings = rows.warnings + (lost,) * bool(failed.any())
     usable = ~failed & rows.has_noise & ~rows.awaits_correction
     rows, variance = rows.select_rows(usable), variance[usable]
-    predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
+    predictor = predictor.at_rows(rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
     return PreparedProblem(problem, rows, predictor, seeds, variance, total, warnings, heaps)
 
@@ -194,11 +194,11 @@ def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting
     """
     uncertain, change = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
     conditions = {key: column[uncertain] for key, column in predictor.conditions.items()}
-    names, which, values = predictor.observables, predictor.which[uncertain], conditions[name]
+    which, values = predictor.which[uncertain], conditions[name]
     least = 0.0 if np.nanmin(values) >= 0.0 else -np.inf
     ends = [np.maximum(values - sd[uncertain], least), values + sd[uncertain]]
     seeds = random_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
-    parts = [predictor.at_rows(names, which, {**conditions, name: end}) for end in ends]
+    parts = [predictor.at_rows(which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict_on_scale(x, acting, seeds) for part in parts)
     gap = mean_over_finite_seeds(high) - mean_over_finite_seeds(low)
     change[uncertain] = np.nan_to_num(gap * sd[uncertain] / (ends[1] - ends[0]))

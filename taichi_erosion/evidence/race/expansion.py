@@ -118,7 +118,7 @@ class RaceModel:
         total, table = np.zeros(p.which.size), np.array(list(doses.values()))
         for dose in np.unique(table, axis=1).T:
             rows = np.flatnonzero(np.all(table.T == dose, axis=1))
-            predictor = p.at_rows(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
+            predictor = p.at_rows(p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
             there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
             total[rows] = mean_over_finite_seeds(predictor.predict_without_cache(x, acting | there, seeds))
         return total + self.shift

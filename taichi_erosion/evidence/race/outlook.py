@@ -109,7 +109,7 @@ def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
     both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), row_medians(p.rows, p.seed_variance)
-    predictor = p.predictor.at_rows(both.observables, both.which, both.conditions)
+    predictor = p.predictor.at_rows(both.which, both.conditions)
     model = RaceModel(replace(p, rows=both, predictor=predictor), priors=race.priors)
     return JointRows(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
