@@ -272,8 +272,6 @@ class ExperimentPart:
 
 @dataclass(frozen=True, kw_only=True)
 class CostPart:
-    """What an answer has cost."""
-
     settings: int  # of the model, all rows at once
     runs: int
     wall_s: Number = nan

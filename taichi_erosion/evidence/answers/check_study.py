@@ -44,7 +44,6 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
 
 
 def check_document(study: Study) -> Document:
-    """What was found, as a document."""
     measurements = study.problem.measurements
     faults = (*table_faults(study.problem), *stale_faults(study))
     return {

@@ -7,6 +7,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -135,14 +136,11 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
 
 
 def infer_all(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
-    """The race of a study."""
     posterior = infer(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
     return StudyInference(posterior, decide_cause(posterior))
 
 
-def bare(ready: Study, progress: Progress) -> StudyInference:
-    """The race of a study without anything that could be missing."""
-    return infer_all(ready, progress, bare=True)
+bare = partial(infer_all, bare=True)  # without anything that could be missing
 
 
 def answer_with_unit_faults(

@@ -78,14 +78,12 @@ class Reply:
         return Vocabulary(about["study"], command_with_options, self.units, *words, results, adopted_path)
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
-        """Sentences and table."""
         if self.command == "predict":
             return lines.prediction_answer(self.record, self.about, self.units)
         return lines.ANSWERS[self.command](self.record, self.vocabulary(*options, call=call))
 
 
 def record_type(command: Command) -> TypeAdapter[Any]:
-    """Record of the answers of a command."""
     return PREDICTION if command == "predict" else RECORD
 
 
@@ -137,7 +135,6 @@ def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
 
 
 def write_document(file: Path, content: Document) -> Path:
-    """Write a document in place of an earlier one."""
     return write_atomic(file, (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
 
 

@@ -63,7 +63,6 @@ class Kind:
 
     @property
     def acting(self) -> tuple[str, ...]:
-        """Effects and mechanisms that act."""
         return tuple(sorted(self.fits[0].hypothesis.acting - UNLISTED))
 
     def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
@@ -87,7 +86,8 @@ class Kind:
     def simulated_share_of_change(self, mean: Floats, columns: Floats) -> float:
         """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
-        base = prepared.predictor.mean(numbers_at(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
+        x, seeds = model.axis_numbers(at.v[: model.count]), prepared.seeds.fitting
+        base = prepared.predictor.mean(x, {}, seeds) + model.shift
         action, white = prepared.whiten(at.mean - base), prepared.whiten(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
         return float(1.0 + along @ prepared.whiten(mean - at.mean) / (1.0 + along @ action))
@@ -96,7 +96,8 @@ class Kind:
     def emulator_errors(self) -> Floats:
         """Errors of the emulator (n, q)."""
         at = self.fits[0]
-        return self.race.prepared.predictor.error_factor(*numbers_at(self.race, at), at.row_doses_of)
+        setting = self.race.model.numbers_and_strengths(at.hypothesis.names, at.v)
+        return self.race.prepared.predictor.error_factor(*setting, at.row_doses_of)
 
     def null_evidence_draws(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
@@ -112,15 +113,10 @@ class Kind:
         return np.logaddexp.reduce(logs, axis=0)
 
 
-def numbers_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
-    """Calibrated numbers on their axes, and strengths."""
-    model = race.model
-    return model.axis_numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
-
-
 def run_setting(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
-    setting = race.prepared.predictor.parameters_and_strengths(*numbers_at(race, fit))
+    x, strengths = race.model.numbers_and_strengths(fit.hypothesis.names, fit.v)
+    setting = race.prepared.predictor.parameters_and_strengths(x, strengths)
     numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in setting)
     if fit.dose is None:
         return Setting(numbers, acting)
@@ -182,7 +178,7 @@ def run_fresh_test(
         if len(campaign.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
             break
         some = race.prepared.rows.select_rows(nearest)
-        rows = part.at_rows(some.observables, some.which, some.conditions).row_requests
+        rows = part.at_rows(some.which, some.conditions).row_requests
         more = simulate(settings[:2], rows, np.ones(nearest.size), progress, int(times[nearest[0]]))
         if more.seeds < times[nearest[0]] * first.seeds:
             break
@@ -195,7 +191,6 @@ def run_fresh_test(
 
 
 def fresh_test_record(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
-    """What is told of an answer by some fresh runs."""
     race = kinds[0].race
     each, none = list(zip(kinds, campaign.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
     evidence = np.array([log_sum(kind.refit_with_runs(none, run.columns)) for kind, run in each])
@@ -264,7 +259,7 @@ def simulate_untrained_rows(
 
     def simulate_rows(row_numbers: Integers) -> FreshCampaign:
         some = rows.select_rows(row_numbers)
-        requests = predictor.at_rows(some.observables, some.which, some.conditions).row_requests
+        requests = predictor.at_rows(some.which, some.conditions).row_requests
         spent = simulator.training.other_runs + len(keys - simulator.stored_keys)
         counting = replace(simulator, training=replace(simulator.training, other_runs=spent))
         return counting.simulate_settings([point], requests, np.ones(row_numbers.size), progress)

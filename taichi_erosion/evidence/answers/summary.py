@@ -171,7 +171,6 @@ def effect_signature(race: Race, about: Fit, name: str) -> Floats:
 def effect_status(
     name: str, decision: Decision, factor: float, limit: float, most: float, absorption: float
 ) -> parts.Status:
-    """What these measurements say of a candidate."""
     if name in decision.named:
         return "present"
     if factor > -np.log(KEEP) and decision.verdict == "outside_library":

@@ -85,7 +85,6 @@ class ComparisonRows:
 
     @property
     def has_noise(self) -> Bools:
-        """Rows whose noise is known."""
         return np.isfinite(self.variance)
 
     @property
@@ -98,7 +97,6 @@ class ComparisonRows:
         return np.array([place[name] for name in names], dtype=np.int64)
 
     def conditions_at(self, row: int) -> dict[str, float]:
-        """Conditions of one row."""
         return {name: float(column[row]) for name, column in self.conditions.items()}
 
     def select_rows(self, chosen: Integers | Bools) -> "ComparisonRows":

@@ -185,8 +185,6 @@ class Vault:
 
 @dataclass(frozen=True)
 class Problem:
-    """A whole study, ready for the statistics."""
-
     measurements: Measurements
     observables: Mapping[str, Observable]
     parameters: tuple[Parameter, ...]
@@ -212,7 +210,6 @@ class Problem:
         return self.measurements.pick_rows_at(rows)
 
     def measurements_in_vault(self) -> Measurements:
-        """The rows inside the vault."""
         return self.measurements.pick_rows_at(self.vault.rows)
 
 

@@ -44,7 +44,6 @@ class TableUnits:
         return None if number is None else number / self.values.get(observable, Scale()).factor
 
     def condition(self, name: str, number: float) -> float:
-        """Number of a condition."""
         return self.conditions.get(name, Scale()).to_unit_of_table(number)
 
     def value_text(self, observable: str, number: float) -> str:

@@ -81,7 +81,6 @@ def adopted_axis(candidate: Candidate) -> Axis:
 
 
 def value_on_axis(axis: Axis, x: float) -> float:
-    """The number itself."""
     return axis.start * exp(axis.scale * x) if axis.logarithmic else axis.start + axis.scale * x
 
 
@@ -102,7 +101,6 @@ def split_numbers(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], 
 
 
 def is_strength_path(path: str) -> bool:
-    """Whether a number is the strength of an effect."""
     return path.startswith(EFFECTS) and path.endswith(STRENGTH)
 
 

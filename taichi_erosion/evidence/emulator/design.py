@@ -57,7 +57,6 @@ class StudyScene:
 
     @property
     def mid_prior_numbers(self) -> Numbers:
-        """Calibrated numbers in the middle of their priors."""
         return {axis.name: value_on_axis(axis, 0.0) for axis in self.axes}
 
 
@@ -80,8 +79,6 @@ class Setting:
 
 @dataclass(frozen=True)
 class PlanSize:
-    """Numbers of runs."""
-
     bare: int  # per calibrated number and one more
     effect: int  # of every effect
     condition: int  # more of an effect for every condition that enters, and every number of its own
@@ -146,7 +143,6 @@ def why_effect_cannot_act(scene: StudyScene, acting: Candidate | Mechanism) -> s
 
 
 def leaves_readings_unchanged(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
-    """Whether an effect leaves the scene and all readings as they are."""
     from taichi_erosion.simulation.scene_setup import effect_conditions, effective_scene
 
     simulator, effect = scene.simulator, scene.simulator.library[name]

@@ -35,6 +35,7 @@ MOST_SETS = 12  # sets of conditions of one scene at which an answer is tested
 
 Request = tuple[Observable, Integers, Conditions]  # of a predictor: observable, its rows, their conditions
 Point = tuple[Path, tuple[str, ...]]  # a scene with all that is set in it
+RunScatter = tuple[Floats, float]  # of one run of a scene, on the emulators' scales: covariance, freedom
 Readings = Mapping[Point, Floats]  # (seeds, observables of the scene), on the emulators' scales
 
 
@@ -85,17 +86,7 @@ class FreshCampaign:
 
 
 @dataclass(frozen=True)
-class SceneScatter:
-    """Scatter of one run of a scene, on the emulators' scales."""
-
-    covariance: Floats  # (observables, observables)
-    freedom: float
-
-
-@dataclass(frozen=True)
 class TestedRow:
-    """A row at which an answer is tested."""
-
     row: int
     observable: Observable
     place: int  # of the observable among those of its scene
@@ -184,7 +175,7 @@ class FreshSimulator:
             table[: values.size, index] = to_scale(self.emulators[name].scale, values)
         return np.where(np.isfinite(table), table, np.nan)
 
-    def pooled_run_scatter(self, scene: StudyScene, readings: Readings) -> SceneScatter:
+    def pooled_run_scatter(self, scene: StudyScene, readings: Readings) -> RunScatter:
         """Scatter of one run, pooled over the points of a scene with that of its training runs."""
         sd = np.array([self.emulators[name].process.scatter for name in scene.observables])
         total, freedom = PRIOR_FREEDOM * np.diag(sd**2), PRIOR_FREEDOM
@@ -193,7 +184,7 @@ class FreshSimulator:
             if point[0] == scene.measure.scene and whole.shape[0] > 1:
                 centred = whole - whole.mean(axis=0)
                 total, freedom = total + centred.T @ centred, freedom + whole.shape[0] - 1
-        return SceneScatter(total / freedom, freedom)
+        return total / freedom, freedom
 
     @property
     def emulators(self) -> Mapping[str, ObservableEmulator]:
@@ -218,12 +209,12 @@ class SettingRows:
     setting: Setting
     rows: Sequence[TestedRow]
     readings: Readings
-    scatter: Mapping[Path, SceneScatter]
+    scatter: Mapping[Path, RunScatter]
 
     def fresh_runs_of_setting(self, shape: tuple[int, int]) -> FreshRuns:
         """All rows on the comparison scale, and the test of every observable."""
         points = list(dict.fromkeys(row.point(self.setting) for row in self.rows))
-        most = max((each.covariance.shape[0] for each in self.scatter.values()), default=1)
+        most = max((covariance.shape[0] for covariance, _ in self.scatter.values()), default=1)
         values, columns = np.full(shape, np.nan), np.zeros((shape[1], len(points), most))
         for each in self.rows:
             readings, errors = self.values_and_errors_of_row(each)
@@ -241,7 +232,8 @@ class SettingRows:
         """Values (seeds,) of a row, and errors of one sd of their mean (observables of its scene,)."""
         point = row.point(self.setting)
         readings = self.readings[point][:, row.place]
-        errors = np.linalg.cholesky(self.scatter[point[0]].covariance)[row.place]
+        covariance, _ = self.scatter[point[0]]
+        errors = np.linalg.cholesky(covariance)[row.place]
         return readings, errors / np.sqrt(max(int(np.isfinite(readings).sum()), 1))
 
     def gap_test(self, rows: Sequence[TestedRow]) -> GapTest | None:
@@ -263,7 +255,8 @@ class SettingRows:
         emulated, own_sd = emulator.process.mean(inputs), emulator.process.error_cov(inputs)
         gap, total = mean - emulated, own_sd + np.diag(error**2)
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
-        p = float(special.fdtrc(gap.size, self.scatter[tested[0].measure.scene].freedom, statistic))
+        _, freedom = self.scatter[tested[0].measure.scene]
+        p = float(special.fdtrc(gap.size, freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
         sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)

@@ -88,8 +88,6 @@ class ActiveInputs:
 
 @dataclass(frozen=True)
 class GaussianProcess:
-    """A fitted process of one observable."""
-
     training: Points
     reads: ActiveInputs
     amplitude: Floats  # (effects + 3,): bend, every effect, two together, scatter; over `width`
@@ -246,7 +244,6 @@ class JointErrors:
 
     @cached_property
     def training_value_covariance(self) -> Floats:
-        """Covariance of the values of all training runs of all processes."""
         which, run = self.all_values.observable, self.all_values.place
         scatter = np.array([process.amplitude[-1] for process in self.processes])
         alike = self.correlation[-1][np.ix_(which, which)] * np.outer(scatter[which], scatter[which])
@@ -254,7 +251,6 @@ class JointErrors:
         return kernel + JITTER * np.eye(run.size)
 
     def prior_cov(self, one: Values, other: Values) -> Floats:
-        """Prior covariance of values."""
         parts = kernel_matrices(one.points, other.points, self.processes[0].reads)
         amplitude = np.array([part_amplitudes(process) for process in self.processes])
         total = np.zeros((one.place.size, other.place.size))
@@ -351,7 +347,6 @@ def part_amplitudes(process: GaussianProcess) -> Floats:
 
 
 def concatenate_points(parts: Sequence[Points]) -> Points:
-    """Points one after the other."""
     return Points(*(np.concatenate(each) for each in zip(*(vars(p).values() for p in parts), strict=True)))
 
 

@@ -110,7 +110,6 @@ def cost_in_words(study: Study, candidates: int) -> str:
 
 
 def span(seconds: float) -> str:
-    """A time span in words."""
     if seconds < 1.5 * MINUTE:
         return f"{max(seconds, 1.0):.0f} s"
     return f"{seconds / MINUTE:.0f} min" if seconds < 1.5 * HOUR else f"{seconds / HOUR:.1f} h"

@@ -184,7 +184,6 @@ def add_refinement_round(
 
 
 def has_room_for_round(training: TrainingRuns, about: Sequence[Setting]) -> bool:
-    """Whether the study's cap has room for a further round."""
     return training.plan_size.round * len(about) * len(training.scenes) <= runs_left_by_cap(training)
 
 

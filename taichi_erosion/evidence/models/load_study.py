@@ -69,8 +69,6 @@ def plan_and_run_limit(budget: str | int | None) -> tuple[BudgetName | None, int
 
 @dataclass(frozen=True)
 class Study:
-    """A study with its problem, ready for the statistics."""
-
     path: Path
     file: StudyFile
     problem: Problem

@@ -18,8 +18,6 @@ LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken
 
 @dataclass
 class ModelCost:
-    """Cost of a model so far."""
-
     runs: int = 0  # a run is one set-up, evaluated with one seed
 
 
@@ -37,11 +35,9 @@ class Predictor:
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
 
-    def at_rows(
-        self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
-    ) -> "Predictor":
-        """The same model and cost counter with other rows."""
-        return replace(self, observables=observables, which=which, conditions=conditions, cache={})
+    def at_rows(self, which: Integers, conditions: Conditions) -> "Predictor":
+        """The same model and cost counter with other rows of the observables."""
+        return replace(self, which=which, conditions=conditions, cache={})
 
     @cached_property
     def row_requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:

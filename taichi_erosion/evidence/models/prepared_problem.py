@@ -50,14 +50,6 @@ UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions 
 
 
 @dataclass(frozen=True)
-class ConditionErrors:
-    """Standard deviations of stated conditions, and the rows that share an error."""
-
-    sd: Conditions  # (n,) by condition, 0 where the condition is exact
-    cell: Integers  # (n,), number of the set-up and its conditions
-
-
-@dataclass(frozen=True)
 class Seeds:
     """Disjoint sets of seeds."""
 
@@ -76,12 +68,15 @@ class PreparedProblem:
     seed_variance: Floats  # (n,), of one seed; zero for a model without noise
     variance: Floats  # (n,), of a scored residual: laboratory, numerical, simulated mean
     warnings: tuple[str, ...]
-    condition_errors: ConditionErrors | None = None  # None: every condition is exact
     heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
 
     @property
     def parameter_axes(self) -> tuple[transforms.Axis, ...]:
         return self.predictor.axes
+
+    @cached_property
+    def condition_errors(self) -> tuple[Conditions, Integers]:
+        return condition_errors(self.rows)
 
     @cached_property
     def row_sd(self) -> Floats:
@@ -110,12 +105,11 @@ class PreparedProblem:
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
         """Columns (n, q) of one sd each: the model's errors, those of stated conditions, of rounding."""
-        parts = [self.predictor.error_factor(x, acting, doses, exact)]
-        if (errors := self.condition_errors) is not None:
-            for name, sd in errors.sd.items():
-                change = change_per_sd(self.predictor, name, sd, x, acting)
-                column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
-                parts.append(np.where(column, change[:, np.newaxis], 0.0))
+        parts, (errors, cell) = [self.predictor.error_factor(x, acting, doses, exact)], self.condition_errors
+        for name, sd in errors.items():
+            change = change_per_sd(self.predictor, name, sd, x, acting)
+            column = cell[:, np.newaxis] == np.unique(cell[sd > 0.0])
+            parts.append(np.where(column, change[:, np.newaxis], 0.0))
         return np.hstack([*parts, np.diag(self.rows.rounding)[:, self.rows.rounding > 0.0]])
 
     def observables_with_row_masks(self) -> Iterator[tuple[Observable, Bools]]:
@@ -152,10 +146,9 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
     warnings = rows.warnings + (lost,) * bool(failed.any())
     usable = ~failed & rows.has_noise & ~rows.awaits_correction
     rows, variance = rows.select_rows(usable), variance[usable]
-    predictor = predictor.at_rows(rows.observables, rows.which, rows.conditions)
+    predictor = predictor.at_rows(rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    more = warnings, condition_errors(rows), heaps
-    return PreparedProblem(problem, rows, predictor, seeds, variance, total, *more)
+    return PreparedProblem(problem, rows, predictor, seeds, variance, total, warnings, heaps)
 
 
 def random_seeds(generator: np.random.Generator, count: int) -> Integers:
@@ -183,14 +176,15 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
     return count, count * SCORING_FACTOR if noisy else 1
 
 
-def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
-    """Errors of the conditions of some rows; None where every condition is exact."""
+def condition_errors(rows: ComparisonRows) -> tuple[Conditions, Integers]:
+    """Sd (n,) of conditions that are not exact, and the number (n,) of each row's set-up and conditions.
+
+    Rows of one number share an error.
+    """
     errors = {name: np.nan_to_num(sd) for name, sd in rows.condition_sd.items() if np.any(sd > 0.0)}
-    if not errors:
-        return None
     cells = zip(rows.group, rows.source, condition_groups(rows), strict=True)
     keys = ["|".join(map(str, each)) for each in cells]
-    return ConditionErrors(errors, np.unique(keys, return_inverse=True)[1].astype(np.int64))
+    return errors, np.unique(keys, return_inverse=True)[1]
 
 
 def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:
@@ -200,11 +194,11 @@ def change_per_sd(predictor: Predictor, name: str, sd: Floats, x: Floats, acting
     """
     uncertain, change = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
     conditions = {key: column[uncertain] for key, column in predictor.conditions.items()}
-    names, which, values = predictor.observables, predictor.which[uncertain], conditions[name]
+    which, values = predictor.which[uncertain], conditions[name]
     least = 0.0 if np.nanmin(values) >= 0.0 else -np.inf
     ends = [np.maximum(values - sd[uncertain], least), values + sd[uncertain]]
     seeds = random_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
-    parts = [predictor.at_rows(names, which, {**conditions, name: end}) for end in ends]
+    parts = [predictor.at_rows(which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict_on_scale(x, acting, seeds) for part in parts)
     gap = mean_over_finite_seeds(high) - mean_over_finite_seeds(low)
     change[uncertain] = np.nan_to_num(gap * sd[uncertain] / (ends[1] - ends[0]))

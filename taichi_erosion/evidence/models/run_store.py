@@ -49,7 +49,6 @@ class RunStore:
             self.commit_runs()
 
     def commit_runs(self) -> None:
-        """Write everything put so far."""
         if self.pending:
             rows = [(key, np.asarray(values, dtype="<f8").tobytes()) for key, values in self.pending.items()]
             with self.connect().transaction() as sql:

@@ -61,11 +61,10 @@ def misfit_p_value(fit: Fit, levels: bool) -> float:
     rows = fit.evidence.solution.rows
     usual = [b.kind in PREPARED or not levels for b in fit.blocks] + [True] * rows.count_scatters
     u = np.where(usual, rows.scales.initial, fit.scales)
-    u[[k for k, block in enumerate(fit.blocks) if block.kind == "discrepancy"]] = -np.inf
+    u[[k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "dose")]] = -np.inf
     if fit.dose is not None:
         factors = rows.block == len(fit.blocks) - 1
         rows = replace(rows, y=rows.y - rows.columns[:, factors] @ fit.dose.coefficients)
-        u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
     size = np.array([rows.y @ rows.at_scales(u + z * doubt).whitened[0] for z in NODES])
     squares, freedom = pure_error_of_repeats(fit)

@@ -49,7 +49,7 @@ class Block:
 
 def unlisted_blocks(
     rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors, unread: Collection[str]
-) -> dict[str, list[Block]]:
+) -> dict[str, tuple[Block, ...]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
     One key for each: something acts along one condition, along all, or along two, each by itself, of which no
@@ -66,7 +66,7 @@ def unlisted_blocks(
 
     pairs = [AND.join(pair) for pair in combinations(axes, 2) if {*pair} & {*unread}]
     places = ("", *(axes if len(axes) > 1 else ()), *pairs, EACH_SET_UP)
-    return {at: [enlarge(b, at) if b.kind == "discrepancy" else b for b in blocks] for at in places}
+    return {at: tuple(enlarge(b, at) if b.kind == "discrepancy" else b for b in blocks) for at in places}
 
 
 def error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors) -> list[Block]:
@@ -91,40 +91,37 @@ def shared_error_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, nea
     masks = ((rows.which == k) & is_known for k in rows.which)
     size = np.array([np.median(unit[mask] if is_known.any() else 1.0) for mask in masks])
     cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_groups(rows), strict=True)]
-    source, set_up = one_scale("source", cauchy=near), one_scale("preparation", normal=2.0 * near)
-    kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
-    kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
+
+    def block_of_labels(kind: Kind, labels: Sequence[str], **prior: float) -> Iterator[Block]:
+        if pairs := label_masks(rows, is_known, labels):
+            columns = np.column_stack([mask for _, mask in pairs]) * size[:, None]
+            yield Block(kind, "", columns, one_scale(kind, **prior))
+
+    yield from block_of_labels("source", rows.source_names, cauchy=near)
+    yield from block_of_labels("preparation", cells, normal=2.0 * near)
     if any(noise.scatter.by_blocks for noise in rows.noise.values()):
-        batch = one_scale("batch", normal=2.0 * near)
-        kinds = (*kinds, ("batch", list(map(str, condition_groups(rows))), batch))
-    for kind, labels, prior in kinds:
-        columns, names = label_masks(rows, is_known, labels)
-        if names:
-            yield Block(kind, "", columns * size[:, None], prior)
-    _, names = label_masks(rows, is_known, rows.group)
-    groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
+        yield from block_of_labels("batch", list(map(str, condition_groups(rows))), normal=2.0 * near)
+    groups = [*dict.fromkeys(label for label, _ in label_masks(rows, is_known, rows.group))]
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
         yield Block("group", "", masks.astype(np.float64), one_scale("group", cauchy=2.0 * near))
 
 
-def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> tuple[Floats, tuple[str, ...]]:
+def label_masks(rows: ComparisonRows, is_known: Bools, tags: Sequence[str]) -> list[tuple[str, Floats]]:
     """A mask for each label of each observable that has several rows of it and others too.
 
     A label of no known row has one too: what is known of the others says how large it may be.
     """
-    columns, names, label = [], [], np.array(tags)
-    for index, observable in enumerate(rows.observables):
+    pairs, label = [], np.array(tags)
+    for index in range(len(rows.observables)):
         mask = rows.which == index
         count = int(np.sum(mask & is_known))
         for each in dict.fromkeys(label[mask]):
             chosen = mask & (label == each)
             number = int(np.sum(chosen & is_known))
             if count and (1 < number < count or not number):
-                columns.append(chosen.astype(np.float64))
-                names.append(f"{each}|{observable.name}")
-    names = names if any(np.any(column[is_known] > 0.0) for column in columns) else []
-    return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
+                pairs.append((each, chosen.astype(np.float64)))
+    return pairs if any(np.any(mask[is_known] > 0.0) for _, mask in pairs) else []
 
 
 def columns_of(block: Block, jacobian: Floats) -> Floats:

@@ -149,8 +149,7 @@ def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, 
     imitators, rows = {}, race.prepared.rows
     for name in (*named, *group):
         whole = Hypothesis(tuple(sorted({*named, name})))
-        fits = [race.fits.get(each) for each in (whole, whole.without(name))]
-        change = np.subtract(*(fit.mean if fit else race.bare.mean for fit in fits))
+        change = np.subtract(*(race.fits.get(h, race.bare).mean for h in (whole, whole.without(name))))
         alike = tuple(c for c in race.prepared.problem.unread if imitates(rows.conditions[c], change))
         imitators |= {name: alike} if alike else {}
     return imitators

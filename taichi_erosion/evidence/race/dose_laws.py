@@ -39,16 +39,6 @@ NODES = 8  # doses of the table, over the whole range and again over that of the
 
 
 @dataclass(frozen=True)
-class Place:
-    """Numbers and doses about which rows are linear."""
-
-    v: Floats
-    w: Floats  # (n,)
-    mean: Floats  # (n,)
-    slopes: Floats  # (n, p)
-
-
-@dataclass(frozen=True)
 class LawRows:
     """Rows about some numbers and doses, linear in everything but the doses."""
 
@@ -66,11 +56,11 @@ class LawRows:
         slopes[:, 0] = self.y - slopes[:, 0]
         return slopes
 
-    def held_out_fold_density(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
-        """Ln density of rows outside given those inside, and their misfit."""
+    def held_out_fold_density(self, w: Floats, outside: Bools) -> Floats:
+        """Ln density of rows outside given all others, and their misfit."""
         linear, densities = self.linearise(w), []
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
-        for k in (inside | outside, inside):
+        for k in (np.ones_like(outside), ~outside):
             root = scipy.linalg.cholesky(variance[np.ix_(k, k)], lower=True)
             misfit = float(np.sum(scipy.linalg.solve_triangular(root, linear[k, 0], lower=True) ** 2))
             densities.append([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
@@ -100,7 +90,6 @@ class FittedForm:
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:
-        """Range of the numbers."""
         return np.array([-np.inf, *self.form.low]), np.array([np.inf, *self.form.high])
 
     def doses(self, numbers: Floats | None = None) -> Floats:
@@ -148,19 +137,16 @@ def dose_law_of_decision(posterior: Posterior, decision: Decision) -> Law | None
 
 
 def dose_law_of_fit(race: Race, fit: Fit) -> Law | None:
-    """The law of the mechanism of a fit; None without one or with two, or with few rows.
-
-    Raises BudgetSpentError.
-    """
+    """Law of the mechanism of a fit; None without one, with two or with few rows. Raises BudgetSpentError."""
     if fit.dose is None or len(fit.row_doses_of) > 1 or fit.mean.size < FOLDS:
         return None
     dosing = dosing_of_fit(race, fit, fit.dose.factor)
-    curve = tabulate_model_over_dose(dosing, fit.v, fit.dose.w)
-    place = Place(fit.v, fit.dose.w, fit.mean, curve_at_doses(curve, fit.dose.w)[:, 1:])
-    rows = law_rows_about_fit(race, fit, curve, place)
-    first = [fit_form_to_all_rows(rows, form, place.w) for form in allowed_forms(rows.conditions)]
+    curve = tabulate_model_over_dose(dosing, fit.v, fit.w)
+    slopes = curve_at_doses(curve, fit.w)[:, 1:]
+    rows = law_rows_about_fit(race, fit, curve, fit.v, fit.w, fit.mean, slopes)
+    first = [fit_form_to_all_rows(rows, form, fit.w) for form in allowed_forms(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.complexity_penalty)
-    settled = [converge_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
+    settled = [converge_form(race, dosing, fit, each) for each in first[:CARRIED]]
     low, high = dosing.dose_range_on_axis + np.array([[-STILL], [STILL]])
     settled = [each for each in settled if np.all((low < each.doses()) & (each.doses() < high))]
     if not settled:
@@ -196,8 +182,10 @@ def curve_at_doses(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     return ((a * t + b) * t + c) * t + d
 
 
-def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Place) -> LawRows:
-    """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit.
+def law_rows_about_fit(
+    race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", v: Floats, w: Floats, mean: Floats, slopes: Floats
+) -> LawRows:
+    """Rows with M exact at v and w, of mean (n,) and slopes (n, p), and the errors of the evidence of a fit.
 
     Rows of one group share a fold; of one set of conditions, where groups are few.
     """
@@ -206,14 +194,13 @@ def law_rows_about_fit(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", p
     if np.unique(labels).size < FOLDS // 2:
         labels = np.array([repr(each) for each in zip(*p.rows.conditions.values(), strict=True)])
     folds = np.unique(labels, return_inverse=True)[1] % FOLDS
-    work, root = p.working_residuals(place.mean), np.sqrt(now.inverse_variance_of_rows)
+    work, root = p.working_residuals(mean), np.sqrt(now.inverse_variance_of_rows)
     shared = now.rows.block != len(fit.blocks) - 1
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
     gain = (root * work.weight)[:, np.newaxis] * p.whiten(np.eye(root.size))
-    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes])
-    offset = offset - curve_at_doses(curve, place.w)
-    y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
+    offset = np.column_stack([mean - slopes @ v, slopes]) - curve_at_doses(curve, w)
+    y, variance = root * work.residual + gain @ mean, np.eye(root.size) + columns @ columns.T
     return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 
 
@@ -227,16 +214,18 @@ def fit_form_to_all_rows(rows: LawRows, form: Form, w: Floats) -> FittedForm:
     return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fit_numbers(starts)
 
 
-def converge_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
+def converge_form(race: Race, dosing: Dosing, fit: Fit, each: FittedForm) -> FittedForm:
     """The form with rows made anew about its own numbers and doses, until they stay."""
+    v, w = fit.v, fit.w
     for _ in range(ROUNDS):
-        v, _ = each.best_numbers(each.numbers)
+        before, (v, _) = (v, w), each.best_numbers(each.numbers)
         w, mean = dosing.clip_doses_and_predict(v, each.doses())
-        move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
+        move = max(np.max(np.abs(v - before[0]), initial=0.0), np.max(np.abs(w - before[1])))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
-        place = Place(v, w, mean, dosing.number_slopes(v, w, mean))
-        each = each.refit_to_rows(law_rows_about_fit(race, fit, each.rows.curve, place), each.selection)
+        slopes = dosing.number_slopes(v, w, mean)
+        rows = law_rows_about_fit(race, fit, each.rows.curve, v, w, mean, slopes)
+        each = each.refit_to_rows(rows, each.selection)
     return each
 
 
@@ -246,5 +235,5 @@ def cross_validation_density(rows: LawRows, fit: FittedForm | None = None) -> Fl
     for fold in np.unique(rows.folds):
         outside = rows.folds == fold
         w = np.zeros(outside.size) if fit is None else fit.refit_to_rows(rows, ~outside).doses()
-        errors += rows.held_out_fold_density(w, ~outside, outside)
+        errors += rows.held_out_fold_density(w, outside)
     return errors

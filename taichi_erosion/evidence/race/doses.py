@@ -34,7 +34,6 @@ Seen = tuple["Dosing", Fit, Floats]  # mechanisms, a fit from which they start, 
 
 
 def dose_to_axis(dose: Floats) -> Floats:
-    """Doses on their axis."""
     return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
 
@@ -124,7 +123,6 @@ class Dosing:
         return self.race.best_of(expansion, self.race.fits.get(self.key, expansion))
 
     def optimise_from_own_slopes(self) -> Fit:
-        """The fit from slopes at its own numbers."""
         fit = self.race.fits[self.key]
         return self.optimise(replace(fit, jacobian=self.number_slopes(fit.v, fit.w, fit.mean)), fit.w)
 
@@ -157,7 +155,6 @@ def all_dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
 
 
 def dosing_of_fit(race: Race, fit: Fit, factor: Floats) -> Dosing:
-    """The mechanisms of a fit with a kernel over some rows."""
     places = {each.name: each for each in race.prepared.problem.mechanisms}
     acting, h = tuple(places[name] for name in fit.hypothesis.extra), fit.hypothesis
     return Dosing(race, acting, fit.log_prior, h.along, factor, h.names)

@@ -29,7 +29,6 @@ EDGE = 0.02  # least share of a range that its start is taken to be away from an
 
 
 def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
-    """Calibrated number on its own axis."""
     if effect_of_path(axis.name) is not None:
         return bounded_strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
     if not np.isfinite(axis.high - axis.low):
@@ -41,7 +40,6 @@ def parameter_axis_position(axis: Axis, v: float, priors: Priors) -> float:
 
 
 def bounded_strength(candidate: Candidate, v: float, largest: float, priors: Priors) -> float:
-    """Strength of an effect."""
     typical = min(priors.typical * candidate.prior_scale, candidate.maximum)
     return float(-largest * np.expm1(-typical * np.exp(np.clip(priors.spread * v, -30.0, 10.0)) / largest))
 
@@ -77,26 +75,24 @@ class RaceModel:
         return self.reach * self.candidates[name].maximum
 
     def axis_numbers(self, v: Floats) -> Floats:
-        """Calibrated numbers on their axes."""
         pairs = zip(self.prepared.parameter_axes, v, strict=True)
         return np.array([parameter_axis_position(axis, float(z), self.priors) for axis, z in pairs])
 
     def numbers_in_units(self, v: Floats) -> Floats:
-        """Calibrated numbers in their units."""
         pairs = zip(self.prepared.parameter_axes, self.axis_numbers(v), strict=True)
         return np.array([value_on_axis(axis, float(x)) for axis, x in pairs])
 
     def strength(self, name: str, t: float) -> float:
-        """Strength of one effect."""
         return bounded_strength(self.candidates[name], t, self.largest_strength(name), self.priors)
 
-    def strengths(self, names: Acting, v: Floats) -> dict[str, float]:
-        """Strengths of the acting effects."""
-        return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
+    def numbers_and_strengths(self, names: Acting, v: Floats) -> tuple[Floats, dict[str, float]]:
+        """Calibrated numbers on their axes, and strengths of the acting effects."""
+        pairs = zip(names, v[self.count :], strict=True)
+        return self.axis_numbers(v[: self.count]), {name: self.strength(name, float(t)) for name, t in pairs}
 
     def mean_over(self, names: Acting, v: Floats, seeds: Integers) -> Floats:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
-        x, acting = self.axis_numbers(v[: self.count]), self.strengths(names, v)
+        x, acting = self.numbers_and_strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.past_settings:
             self.spend_one_setting()
@@ -116,13 +112,13 @@ class RaceModel:
         if not doses:
             return self.mean_over(names, v, seeds) + self.shift
         self.spend_one_setting()
-        x, acting, p = self.axis_numbers(v[: self.count]), self.strengths(names, v), self.predictor
+        (x, acting), p = self.numbers_and_strengths(names, v), self.predictor
         if self.prepared.problem.dosed_by_row:
             return mean_over_finite_seeds(p.predict_without_cache(x, acting, seeds, doses)) + self.shift
         total, table = np.zeros(p.which.size), np.array(list(doses.values()))
         for dose in np.unique(table, axis=1).T:
             rows = np.flatnonzero(np.all(table.T == dose, axis=1))
-            predictor = p.at_rows(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
+            predictor = p.at_rows(p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
             there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
             total[rows] = mean_over_finite_seeds(predictor.predict_without_cache(x, acting | there, seeds))
         return total + self.shift
@@ -136,8 +132,7 @@ class RaceModel:
     def errors(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
-        errors = p.model_errors(self.axis_numbers(v[: self.count]), self.strengths(names, v), doses)
-        return np.hstack([p.rows.shared, errors])
+        return np.hstack([p.rows.shared, p.model_errors(*self.numbers_and_strengths(names, v), doses)])
 
     def jacobian(self, names: Acting, v: Floats, mean: Floats, doses: Conditions | None = None) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""

@@ -9,7 +9,6 @@ ordinary row of its residual and curvature; something unlisted acts on it, error
 References: Broyden (1965), Math. Comput. 19, 577 (updates); Tobin (1958), Econometrica 26, 24 (limits).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -37,7 +36,6 @@ GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are
 
 
 def axis_to_dose(w: Floats) -> Floats:
-    """Doses of places on that axis."""
     return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
 
 
@@ -55,7 +53,6 @@ class Hypothesis:
         return frozenset((*self.names, *self.extra))
 
     def without(self, name: str) -> "Hypothesis":
-        """The same without one of its effects."""
         return replace(self, names=tuple(each for each in self.names if each != name))
 
     def doses_of(self, w: Floats) -> Conditions:
@@ -98,18 +95,14 @@ class Expansion:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Expansion):
-    """An expansion with its evidence."""
-
     evidence: Evidence
 
     @property
     def log_evidence(self) -> float:
-        """Ln of the marginal likelihood."""
         return self.evidence.log_evidence
 
     @property
     def linear_target(self) -> Floats:
-        """Best setting of the linear model."""
         return self.evidence.solution.centre[: self.v.size]
 
     @property
@@ -180,8 +173,7 @@ class Race:
         rows, sd, self.priors = self.prepared.rows, self.prepared.row_sd, self.model.priors
         finite = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(error_blocks(rows, finite, sd, self.priors))
-        large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
-        self.large = {key: tuple(each) for key, each in large.items()}
+        self.large = unlisted_blocks(rows, finite, self.blocks, self.priors, self.prepared.problem.unread)
         self.scatter, self.scatter_scales = row_scatter(self.prepared, self.priors.doubt)
         independent = self.prepared.error_correlation_of_rows is None
         self.slips = slips_of_decimal_point(rows, sd if independent else np.full(sd.size, np.nan))
@@ -194,12 +186,11 @@ class Race:
         white = [p.whiten(columns_of(block, at.jacobian[:, : self.model.count])) for block in at.blocks]
         seen = [work.weight if b.kind == "unlisted" else 1.0 * ~p.rows.censored for b in at.blocks]
         white = [each * size[:, np.newaxis] for each, size in zip(white, seen, strict=True)]
-        shared = np.hstack([fixed * ~p.rows.censored[:, np.newaxis], *white])
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         y, x = work.residual + work.weight * (jacobian @ at.v + dosed), jacobian * work.weight[:, np.newaxis]
         scales = sum((b.scale for b in at.blocks), Scales.empty()) + self.scatter_scales
-        whole = np.hstack([x, shared])
+        whole = np.hstack([x, fixed * ~p.rows.censored[:, np.newaxis], *white])
         rows = LinearRows(y, whole, block, self.scatter, scales, np.ones(y.size), self.slips)
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
 
@@ -315,7 +306,6 @@ class Race:
 
     @property
     def bare(self) -> Fit:
-        """Nothing is missing."""
         return self.fits[Hypothesis(())]
 
     def effect_sets(self, *sizes: int) -> list[Fit]:
@@ -343,15 +333,12 @@ class Race:
         return optimum
 
     def optimise_from_start(self, start: Fit) -> Fit:
-        """The best setting from a start, with slopes there."""
         return self.polish(self.optimise_setting(self.gauss_newton(start, 3, 0)))
 
     def best_of(self, some: Fit, other: Fit) -> Fit:
-        """The likelier of two fits of one hypothesis."""
         return self.store_fit(max(some, other, key=lambda each: each.log_evidence))
 
     def bare_expansion(self, v: Floats, log_prior: float) -> Expansion:
-        """Nothing is missing, about a setting."""
         mean = self.model.predict_mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
@@ -368,9 +355,7 @@ class Race:
             mean = self.model.predict_mean(names, v, parent.row_doses_of)
             if np.all(np.isfinite(mean)):
                 break
-        else:
-            return None
-        if np.array_equal(mean, parent.mean):
+        if not np.all(np.isfinite(mean)) or np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
         start = replace(parent.hypothesis, names=names), v, mean, jacobian, parent.errors, parent.blocks
@@ -391,8 +376,8 @@ class Race:
         scores = np.array([*map(log_joint, self.fits.values())])
         return dict(zip(self.fits, map(float, np.exp(scores - logsumexp(scores))), strict=True))
 
-    def likeliest_fits(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
+    def likeliest_fits(self, least: float) -> list[Fit]:
         """Fits of at least some probability, best first."""
         share = self.posterior_probabilities()
-        fits = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
+        fits = [fit for key, fit in self.fits.items() if share[key] >= least]
         return sorted(fits, key=lambda fit: -share[fit.hypothesis])

@@ -40,8 +40,7 @@ class Scales:
 
     @staticmethod
     def empty() -> "Scales":
-        """No scale, to which others are added."""
-        return Scales((), np.zeros(0), np.zeros(0), np.zeros(0))
+        return Scales((), *np.zeros((3, 0)))
 
     @cached_property
     def initial(self) -> Floats:
@@ -64,13 +63,11 @@ class Scales:
         return float(densities[0].sum()), densities[1], densities[2]
 
     def __add__(self, other: "Scales") -> "Scales":
-        """These scales, then others."""
         pairs = ((self.cauchy, other.cauchy), (self.normal, other.normal), (self.doubt, other.doubt))
         return Scales(self.names + other.names, *map(np.concatenate, pairs))
 
 
 def one_scale(name: str, cauchy: float = np.nan, normal: float = np.nan, doubt: float = np.nan) -> Scales:
-    """One scale with its prior."""
     return Scales((name,), np.array([cauchy]), np.array([normal]), np.array([doubt]))
 
 
@@ -117,10 +114,8 @@ class LinearRows:
 
     def slips_of(self, bad: Mapping[int, int]) -> Floats:
         """What slips of the decimal point add to each row (n,)."""
-        change = np.zeros(self.y.size)
-        for row, way in bad.items():
-            change[row] = self.slips[row, way - 1] if way else 0.0
-        return change
+        ways = (bad.get(row, 0) for row in range(self.y.size))
+        return np.array([self.slips[row, way - 1] if way else 0.0 for row, way in enumerate(ways)])
 
     def at_scales(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""

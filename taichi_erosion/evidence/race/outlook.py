@@ -29,9 +29,9 @@ from taichi_erosion.evidence.data.comparison_rows import (
     shared_error_columns,
 )
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
-from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Observable, pick_rows
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working_residuals
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors, error_blocks, unlisted_blocks
@@ -109,9 +109,8 @@ def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
     both, seeds = join_to_fitted(p.rows, rows, np.zeros(rows.size)), row_medians(p.rows, p.seed_variance)
-    predictor = p.predictor.at_rows(both.observables, both.which, both.conditions)
-    joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
-    model = RaceModel(joint, priors=race.priors)
+    predictor = p.predictor.at_rows(both.which, both.conditions)
+    model = RaceModel(replace(p, rows=both, predictor=predictor), priors=race.priors)
     return JointRows(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
 
@@ -210,16 +209,12 @@ def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses |
 
 
 def joint_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
-    """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     mask, unit = np.arange(both.size) < n, np.append(p.row_sd, np.ones(both.size - n))
-    usual, unknown = error_blocks(both, mask, unit, priors), bool(UNLISTED & fit.hypothesis.acting)
-    large = (
-        unlisted_blocks(both, mask, usual, priors, place.race.prepared.problem.unread)[fit.hypothesis.along]
-        if unknown
-        else []
-    )
-    built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
+    blocks, h = error_blocks(both, mask, unit, priors), fit.hypothesis
+    if UNLISTED & h.acting:
+        blocks += unlisted_blocks(both, mask, blocks, priors, p.problem.unread)[h.along]
+    built = {block.scale.names[0]: block.columns for block in blocks}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
@@ -233,16 +228,15 @@ def outlook(place: JointRows, fit: Fit) -> Outlook:
     race, n, v, model = place.race, fit.mean.size, fit.v, place.model
     mean, jacobian, doses = joint_expansion(place, fit)
     both = join_to_fitted(race.prepared.rows, place.rows, mean[n:])
-    acting = model.strengths(fit.hypothesis.names, v)
     varied = doses and fit.hypothesis.doses_of(doses.w)
-    known_w = np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))
-    emulator = model.prepared.model_errors(model.axis_numbers(v[: model.count]), acting, varied, n)
+    setting = model.numbers_and_strengths(fit.hypothesis.names, v)
+    emulator = model.prepared.model_errors(*setting, varied, n)
     if place.runs is not None:
         mean, emulator[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
         emulator = np.hstack([emulator, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
     errors, blocks = np.hstack([both.shared, emulator]), joint_blocks(place, fit, both, doses)
     first_blocks = tuple(replace(block, columns=block.columns[:n]) for block in blocks)
-    dose = doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w])
+    dose = doses and Doses(**pick_rows(vars(doses), np.tile(np.arange(mean.size) < n, len(fit.row_doses_of))))
     first = {"mean": mean[:n], "jacobian": jacobian[:n], "errors": errors[:n], "blocks": first_blocks}
     rows = race.linear(replace(fit, **first, dose=dose))[0]
     active = np.any(rows.columns != 0.0, axis=0)

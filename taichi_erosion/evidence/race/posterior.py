@@ -15,7 +15,6 @@ from functools import cached_property
 from math import log
 
 import numpy as np
-from numpy.linalg import LinAlgError
 from scipy.special import logsumexp
 
 from taichi_erosion.core.errors import BadInput
@@ -56,7 +55,7 @@ def draw_scales(
         try:
             now = best.rows.at_scales(u)
             root = np.linalg.cholesky(now.inverse)
-        except LinAlgError:
+        except np.linalg.LinAlgError:
             continue
         length = float(step @ step) * stretch**2
         log_weight.append(now.value + 0.5 * (FREEDOM + best.u.size) * np.log1p(length / FREEDOM))
@@ -79,7 +78,6 @@ class Posterior:
 
     @cached_property
     def draws(self) -> list[Draws]:
-        """Draws of every hypothesis that matters."""
         draws_of_fits, random = list[Draws](), np.random.default_rng(SEED)
         for h, share in self.likely_hypotheses(1e-3).items():
             fit, each = self.race.fits[h], max(4, int(DRAWS * share / SCALES))
@@ -96,10 +94,7 @@ class Posterior:
 
     @cached_property
     def without_rows(self) -> "dict[int, Posterior]":
-        """The posterior without each row that is a single measurement, by its line in the table.
-
-        At the same settings and scales.
-        """
+        """The posterior at the same settings and scales without each single measurement, by its line."""
         rows, fits = self.race.prepared.rows, [self.race.fits[h] for h in self.probability]
         scores = np.array([[log(p) if p > 0.0 else -np.inf] for p in self.probability.values()])
         scores = scores - np.array([fit.evidence.log_densities for fit in fits])
@@ -111,30 +106,31 @@ class Posterior:
 
     @property
     def best_fit(self) -> Fit:
-        """The likeliest explanation."""
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
     def draw_numbers_and_strengths(self, count: int) -> dict[str, Floats]:
         """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect has no single one."""
         numbers, weight = self.number_draws
         names = list(self.race.model.candidates)
-        strengths = [np.concatenate([self.strengths(each, name) for each in self.draws]) for name in names]
         picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
         keys = [axis.name for axis in self.race.prepared.parameter_axes] + names
-        return dict(zip(keys, np.vstack([numbers.T, *strengths])[:, picked], strict=True))
+        return dict(zip(keys, np.vstack([numbers.T, *map(self.strengths, names)])[:, picked], strict=True))
 
     def strength_draws(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
-        values = np.concatenate([self.strengths(each, name) for each in self.draws])
+        values = self.strengths(name)
         return values[values > 0.0], np.concatenate([each.weight for each in self.draws])[values > 0.0]
 
-    def strengths(self, draws: Draws, name: str) -> Floats:
-        """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""
-        names = draws.fit.hypothesis.names
-        if name not in names:
-            return np.zeros(draws.weight.size)
-        column = draws.values[:, self.race.model.count + names.index(name)]
-        return np.array([self.race.model.strength(name, v) for v in column])
+    def strengths(self, name: str) -> Floats:
+        """Strengths of an effect in all draws; 0 where it has no single one."""
+        model, values = self.race.model, list[float]()
+        for each in self.draws:
+            if name in (names := each.fit.hypothesis.names):
+                column = each.values[:, model.count + names.index(name)]
+                values += [model.strength(name, v) for v in column]
+            else:
+                values += [0.0] * each.weight.size
+        return np.array(values)
 
 
 def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0.5, 0.95)) -> Floats:
@@ -201,7 +197,7 @@ def has_unexplained_misfit(race: Race) -> bool:
 
     Until mechanisms are tried, what is not in the list has their prior too.
     """
-    listed = race.likeliest_fits(0.0, lambda fit: not fit.hypothesis.extra)
+    listed = [fit for fit in race.likeliest_fits(0.0) if not fit.hypothesis.extra]
     share = race.posterior_probabilities()
     listed_share = sum(share[fit.hypothesis] for fit in listed)
     unlisted = (1.0 - listed_share) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)

@@ -12,7 +12,7 @@ which model holds); Box & Wilson (1951), J. R. Stat. Soc. B 13, 1 (central compo
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import hadamard
@@ -90,7 +90,6 @@ def likeliest_explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypo
 
 
 def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
-    """An explanation, given the known rows."""
     other = outlook(place, fit)
     scatter = place.scatter_ratio(other.solution) ** 2
     covariance = other.conditional_covariance() + np.diag(scatter * place.rows.variance / repeats)
@@ -110,14 +109,13 @@ def experiment_record(
 
 
 def possible_rows(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
-    """Every measurement that a laboratory could make."""
     rows, names, sets = prepared.rows, [], []
     for k in np.unique(rows.which):
         sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
-    cases = new_rows(prepared, NewConditions(tuple(names), conditions))
-    return replace(cases, group=tuple(f"|{row}" for row in range(cases.size)))  # each a set-up of its own
+    groups = tuple(f"|{row}" for row in range(len(names)))  # each a set-up of its own
+    return new_rows(prepared, NewConditions(tuple(names), conditions, groups))
 
 
 def settings(rows: ComparisonRows, indices: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:

@@ -9,7 +9,7 @@ Reference: Madigan & Raftery (1994), J. Am. Stat. Assoc. 89, 1535 (only what is 
 best is visited).
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from math import comb, log
 
@@ -49,21 +49,21 @@ def log_prior_of(race: Race, hypothesis: Hypothesis) -> float:
 
 def search_effect_sets(race: Race) -> None:
     """Nothing, singles, sets grown from the best ones, and each beside something that is not in the list."""
-    bare, effects = race.fit_bare_model(log(race.priors.nothing)), list(race.model.candidates)
+    bare = race.fit_bare_model(log(race.priors.nothing))
     add_unlisted_effect(race, bare)
-    add_every_effect(race, bare, effects)
+    add_every_effect(race, bare)
     race.all_singles = True
     for single in race.effect_sets(1):
         race.optimise_setting(single)
-    for size in range(1, min(MOST, len(effects))):
-        grow_sets_by_one_effect(race, size, effects)
+    for size in range(1, min(MOST, len(race.model.candidates))):
+        grow_sets_by_one_effect(race, size)
     prune_sets_of_effects(race)
-    plain = race.likeliest_fits(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.extra)
-    best = [fit.hypothesis for fit in plain[:3]]
+    likeliest = [fit.hypothesis for fit in race.likeliest_fits(KEEP)]
+    best = [each for each in likeliest if each.names and not each.extra][:3]
     sets = {*best, *(each.without(name) for each in best for name in each.names)}
     for each in sorted(sets & (race.fits.keys() - {race.bare.hypothesis}), key=lambda each: each.names):
         add_unlisted_effect(race, race.fits[each])
-    grow_sets_beside_unlisted(race, effects)
+    grow_sets_beside_unlisted(race)
     visits = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likeliest_fits(KEEP)[:CARRIED]:
@@ -72,9 +72,8 @@ def search_effect_sets(race: Race) -> None:
                 race.polish(fit)
 
 
-def add_every_effect(race: Race, parent: Fit, effects: Sequence[str]) -> None:
-    """Every effect beside a set."""
-    for name in effects:
+def add_every_effect(race: Race, parent: Fit) -> None:
+    for name in race.model.candidates:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
             if (fit := race.add_effect(parent, name, log_prior_of(race, hypothesis))) is not None:
@@ -92,7 +91,7 @@ def add_unlisted_effect(race: Race, parent: Fit, places: Iterable[str] | None = 
             race.store_fit(race.gauss_newton(race.fit_at_scales(start, 10, fresh=True), most))
 
 
-def grow_sets_beside_unlisted(race: Race, effects: Sequence[str]) -> None:
+def grow_sets_beside_unlisted(race: Race) -> None:
     """Sets beside what is not in the list along conditions that no effect reads, grown by what is likelier.
 
     Only where something unlisted may act: a large one hides from plain sets what a listed effect does.
@@ -101,14 +100,12 @@ def grow_sets_beside_unlisted(race: Race, effects: Sequence[str]) -> None:
     if sum(p for h, p in share.items() if h.extra) < 1.0 - SURE:
         return
     add_unlisted_effect(race, race.bare, race.large)
-    for start in [h for h in race.fits if h.extra == (OUTSIDE,) and not h.names]:
-        best = race.fits[start]
-        if not can_tell_apart(race, best):
-            continue
-        for _ in range(min(MOST, len(effects))):
+    starts = [fit for h, fit in race.fits.items() if h.extra == (OUTSIDE,) and not h.names]
+    for best in [fit for fit in starts if can_tell_apart(race, fit)]:
+        for _ in range(min(MOST, len(race.model.candidates))):
             wider = [best]
-            for name in [each for each in effects if each not in best.hypothesis.names]:
-                hypothesis = replace(start, names=tuple(sorted((*best.hypothesis.names, name))))
+            for name in [each for each in race.model.candidates if each not in best.hypothesis.names]:
+                hypothesis = replace(best.hypothesis, names=tuple(sorted((*best.hypothesis.names, name))))
                 fit = race.add_effect(best, name, log_prior_of(race, hypothesis))
                 if fit is not None and can_tell_apart(race, fit):
                     wider.append(race.store_fit(fit))
@@ -145,17 +142,16 @@ def imitates(column: Floats, change: Floats) -> bool:
     return bool(acts) and variance_left_by_parabola(change, column, same) < 1.0 - SHARED
 
 
-def grow_sets_by_one_effect(race: Race, size: int, effects: Sequence[str]) -> None:
+def grow_sets_by_one_effect(race: Race, size: int) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
     for parent in best_sets(race, size, 0.1 * KEEP, MOST - size):
-        add_every_effect(race, parent, effects)
+        add_every_effect(race, parent)
     for fit in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 6) if not each.is_optimum]:
         race.optimise_setting(fit)
     for fit in best_sets(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
-            rest = race.fits.get(fit.hypothesis.without(name))
-            if rest is not None:
-                add_every_effect(race, rest, effects)
+            if (rest := race.fits.get(fit.hypothesis.without(name))) is not None:
+                add_every_effect(race, rest)
         for near in [each for each in best_sets(race, size + 1, 0.2 * KEEP, 4) if not each.is_optimum]:
             race.optimise_setting(near)
 

@@ -26,8 +26,6 @@ INTERVALS = ("value (90 %)", "90 % of one measurement", "outside")
 
 @dataclass(frozen=True)
 class Table:
-    """The table of an answer, as it is read."""
-
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]

@@ -110,7 +110,6 @@ def failing_places_line(record: Record) -> str:
 
 
 def can_test_any_effect(record: Record) -> bool:
-    """Whether these measurements can test any effect."""
     return record.verdict != "not_testable"
 
 
@@ -395,7 +394,6 @@ def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
 
 
 def candidate_status_text(name: str, record: Record) -> str:
-    """What these measurements say of one candidate."""
     firm, either = sure_and_group(record)
     if name in firm:
         return "present"

@@ -135,8 +135,8 @@ def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path, kin
     notes = "\n".join(study.notes)
     assert "rows state its sd, at most 0.05 mm; it enters their errors" in notes
     assert ("slopes along it come out 11 % too small" in notes) == (not kind)
-    errors = condition_errors(comparison_rows(study.problem, study.problem.visible_rows()))
-    assert errors.sd["diameter"] == pytest.approx(5e-5)
+    errors, _ = condition_errors(comparison_rows(study.problem, study.problem.visible_rows()))
+    assert errors["diameter"] == pytest.approx(5e-5)
 
 
 VALUE, SHARE = 0.3, 0.1  # m/s; error that all rows share, over the value [1]

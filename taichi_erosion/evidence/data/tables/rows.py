@@ -104,8 +104,6 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of measurements as read."""
-
     file: str
     conditions: tuple[str, ...]  # names of the columns behind every row's conditions
     units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
@@ -250,7 +248,6 @@ class RowReader:
         return [column for column in self.columns if column.role in roles]
 
     def add_fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
-        """Keep what is wrong with a cell."""
         cell = quote_cell(row[column.place])
         message = f"{self.cells.file}: row {line}, {column.heading.text} = {cell} {words}"
         self.wrong.setdefault((column.place, str(words)), []).append(message)
