@@ -61,12 +61,9 @@ MARKED = re.compile(
     rf"(?P<value>[<>]?\s*{NUMBER})\s*(?P<mark>{MARK})(?P<sd>\s*(?:±|\+/-|\+-)\s*{NUMBER})?\s*(?P<last>{MARK})"
 )
 BRACKETED = re.compile(rf"({NUMBER})\s*[(\[]({NUMBER})[)\]]")  # below `mean (SD)`
-SIEVE = re.compile(
-    r"(?:#|no\.? ?)?[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*#?(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE
-)
+SIEVE = re.compile(r"(?i)(?:#|no\.? ?)?[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?")
 ONE_ROW = "write one row per sample, with a column for each quantity, its unit in the heading"
-NARROW = {sign: sign - 0xFEE0 for sign in range(0xFF01, 0xFF5F)}  # of full-width signs, `（ｍｍ）`
-NARROW |= dict.fromkeys(map(ord, "∗⁎＊"), ord("*"))  # stars of printed papers
+NARROW = {sign: sign - 0xFEE0 for sign in range(0xFF01, 0xFF5F)} | {0x2217: "*", 0x204E: "*"}  # `（ｍ）`, ∗
 LEFT_OUT = "letters or stars behind numbers are left out"
 STEP = 1e-5  # of a difference quotient
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
@@ -116,10 +113,6 @@ def read_table_cells(path: Path, name: str, faults: list[str]) -> Cells:
     while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
         titles += rows.pop()[1]  # a footnote
     bare = tuple(trim_rows(name_blank_repeat_columns(with_one_heading(rows[start:])), name, faults))
-    labels = ((line, cell) for line, row in bare[1:] if len(cell := [*filter(None, row)]) == 1)
-    for line, (cell,) in ((k, x) for k, x in labels if not (is_missing(x[0]) or is_quantity(x[0]))):
-        words = "write it in each row below, in a column 'set-up', or delete the row"
-        faults.append(f"{name}: row {line}, '{cell}', has words alone: {words}")
     full = tuple(accumulate(bare, lambda up, row: (row[0], cells_with_dittos(up[1], row[1]))))
     notes = ("ditto marks count as the cell above",) if full != bare else ()
     cells = Cells(name, full, comma, form, notes, " ".join(titles))

@@ -191,7 +191,7 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
     acting = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.extra}
     unlisted = {h: p for h, p in acting.items() if {*names} <= {*h.names}}
     is_sure = decision.verdict == "outside_library" or (names and decision.unlisted >= SURE)
-    if not (unlisted and is_sure) or decision.acting_mechanisms or decision.pivotal_row:
+    if not (unlisted and is_sure) or decision.acting_mechanisms:
         return
     best = max(unlisted, key=lambda h: unlisted[h])
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=names), race.fits[best])

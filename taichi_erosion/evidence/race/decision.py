@@ -28,7 +28,7 @@ from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, log_joint, row_scatter
 from taichi_erosion.evidence.race.linear_evidence import optimise_scales
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, LEAST_SURE, SEED, SURE, Priors
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
 from taichi_erosion.evidence.race.search import can_tell_apart, imitates, prior
 from taichi_erosion.evidence.record import DecisionPart, Verdict
 
@@ -86,8 +86,6 @@ def decide_cause(posterior: Posterior) -> Decision:
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
         verdict = "outside_library"
     leading = leading if verdict == "outside_library" else ()
-    pivot = 0 if leading or outside < SURE else pivotal_row(posterior, named, (OUTSIDE, *mechanisms))
-    verdict = "none_detected" if pivot and verdict == "outside_library" else verdict
     return Decision(
         verdict=verdict,
         named=named,
@@ -96,26 +94,12 @@ def decide_cause(posterior: Posterior) -> Decision:
         together=len(both) > 1,
         refuted=refuted,
         imitators=imitators,
-        pivotal_row=pivot,
         probabilities=probabilities_of_explanations(posterior, {*effects, *mechanisms}),
         p=chance,
         unlisted=outside,
         inclusion=inclusion,
         beyond=beyond,
     )
-
-
-def pivotal_row(posterior: Posterior, named: Acting, unlisted: Sequence[str]) -> int:
-    """Line of the single measurement without which something unlisted has less than LEAST_SURE; 0: none.
-
-    Alone or beside what is named: of all explanations it alone can follow any bad row.
-    """
-    chances = {
-        line: sum(p for h, p in rest.probability.items() if h.acting & {*named, *unlisted} > {*named})
-        for line, rest in posterior.without_rows.items()
-    }
-    line = min(chances, key=lambda each: chances[each], default=0)
-    return line if chances.get(line, 1.0) < LEAST_SURE else 0
 
 
 def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict[str, float]:

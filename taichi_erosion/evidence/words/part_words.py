@@ -268,9 +268,7 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
         open_ = "; these measurements do not tell which" if either else ""
         outside = {*record.acting_mechanisms}.difference(record.effects)
         more = ["Not in the list of effects."] * bool(outside)
-        if record.pivotal_row:
-            more = [f"Row {record.pivotal_row} alone speaks for something more: check it."]
-        elif record.unlisted >= SURE and not record.acting_mechanisms:
+        if record.unlisted >= SURE and not record.acting_mechanisms:
             words = f"{words}, and beside it something not in the list (probability {chance})"
             more = [*curve_texts(record, voc)]
         more += [f"Also: {imitation_text(record, voc)}"] * bool(record.imitators)
@@ -340,7 +338,7 @@ def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
         return f"No effect is named: new runs of the scene {change}. Candidates: {names}."
     if not can_test_any_effect(record):
         return "No effect is named before the errors above are fixed."
-    if record.refuted or record.imitators or record.pivotal_row:
+    if record.refuted or record.imitators:
         return withheld_name_sentence(record, voc)
     leading, share = max(record.probabilities.items(), key=lambda item: item[1])
     places, chances = worst_places(record), [record.p_misfit, record.p_lack_of_fit]
@@ -378,9 +376,6 @@ def imitation_text(record: Record, voc: say.Vocabulary) -> str:
 def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
     refuted = [record.effects[name] for name in record.refuted]
-    if record.pivotal_row:
-        words = f"row {record.pivotal_row} alone speaks for something that is not in the list"
-        return f"No effect is named: {words}: check it, or measure there again."
     if record.imitators:
         return f"No effect is named: {imitation_text(record, voc)}"
     why = "the rows contradict its law: another law or effect acts, or the scatter is larger than stated"

@@ -52,7 +52,7 @@ class Conditions(Section):
     moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 5.0)
     temperature: float | None = number(None, "K", "air temperature", 200.0, 400.0)
     relative_humidity: float | None = number(None, "1", "relative humidity of the air", 0.0, 1.0)
-    pressure: float | None = number(None, "Pa", "air pressure", 1e2, 1e7)
+    pressure: float | None = number(None, "Pa", "air pressure", 1e2, 2e5)
     altitude: float | None = number(None, "m", "height above sea level", -500.0, 9000.0)
     slope: float | None = number(None, "deg", "slope of the bed, uphill positive", -90.0, 90.0)
     wind_speed: float | None = number(None, "m s-1", "free-stream wind speed", 0.0, 100.0)

@@ -377,13 +377,3 @@ def test_what_is_unlisted_acts_on_rows_below_a_limit_too(tmp_path):
     record = answer(study_of(tmp_path, "", table)).record
     assert record.named == ()
     assert ("vegetation_cover", "falls") in [(each.condition, each.shape) for each in record.curves]
-
-
-def test_a_bad_row_alone_makes_nothing_that_is_not_in_the_list(tmp_path):
-    angles = {(0.5, 500): 35.8, (0.1, 500): 30.2, (0.3, 500): 33.8, (0.7, 500): 39.0, (0.9, 500): 41.3}
-    angles |= {(0.5, 250): 36.0, (0.05, 350): 36.5, (0.5, 700): 36.1}  # 0.05 should be 0.5
-    rows = [f"{at};{d};{angle};0.7;3" for (at, d), angle in angles.items()]
-    table = "\n".join(["angularity;d (µm);angle of repose (deg);SD;n", *rows, ""])
-    reply = answer(study_of(tmp_path, "", table))
-    assert (reply.record.verdict, reply.record.pivotal_row) == ("none_detected", 8)
-    assert "row 8 alone speaks for something" in reply.answer().lines[0]

@@ -62,6 +62,7 @@ NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 NOT_USED = "-"  # in place of a name
+MOST_MARKS = 3  # in a column that says which rows count
 LIGHTEST = 2000.0  # of grains whose density has no other word [kg m-3]
 NONE = ("none", "n a", "control", "untreated", "dry", "air dry", "kontrolle", "trocken")  # may mean 0
 NOTE = "note"  # first word of the heading of a column that is not used
@@ -122,8 +123,8 @@ def columns_with_roles(cells: Cells, options: TableOptions, faults: list[str]) -
     named = names_by_column(cells, options, faults)
     columns = [apply_user_unit(column_from(cells, k, named), options) for k in range(len(cells.heading))]
     for column in (each for each in columns if each.place not in named):
-        marks = plain_words(column.heading.name).strip(" ?") in known_words()["rows"]["flag"]
-        if marks and len({row[column.place] for _, row in cells.lines}) > 1:
+        marks = plain_words(column.heading.text).strip(" ?") in known_words()["rows"]["flag"]
+        if marks and 1 < len({row[column.place] for _, row in cells.lines}) <= MOST_MARKS:
             where = f"{cells.file}: column '{column.heading.text}' marks rows"
             faults.append(f"{where}: delete those that do not count; {UNUSED}")
     measured = any(column.role == "observable" for column in columns)
@@ -178,8 +179,7 @@ def role_of_heading(heading: Heading, content: Sequence[str], numeric: bool) -> 
     measure = longest_word(heading.name, "observables", "halved")[2]
     if measure and is_other_kind(heading.unit, name) and not is_other_kind(heading.unit, measure):
         return "observable", measure  # `clay u*t [m/s]`
-    other = role == "n" and (heading.unit or heading.unreadable)  # a porosity, a rate of nitrogen
-    if other or (role, heading.name, heading.unit) == ("sd", "S", "%"):  # a saturation
+    if role == "n" and (heading.unit or heading.unreadable):  # a porosity, a rate of nitrogen
         role = "unknown"
     if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
         behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""

@@ -34,7 +34,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     refuse_other_answer,
     set_user_sd,
 )
-from taichi_erosion.evidence.data.tables.rows import ERROR_OF_MEAN, STANDARD_ERROR
+from taichi_erosion.evidence.data.tables.rows import ERROR_OF_MEAN, STANDARD_ERROR, row_faults
 from taichi_erosion.measures.boundary_layer import friction_velocity_ratio
 from taichi_erosion.scene.physical_ranges import range_of
 from taichi_erosion.tables.cell_numbers import CellNumber, is_missing
@@ -66,7 +66,7 @@ from taichi_erosion.tables.number_columns import (
     results_of_heaps,
     stem,
 )
-from taichi_erosion.tables.spreadsheet import LEFT_OUT, Cells
+from taichi_erosion.tables.spreadsheet import Cells
 
 SEVERAL_SD = re.compile(r"(?i)(?<![\d.,])(?:[2-9]|1[.,]96)\s*(?:σ|sigma|s\.?d\b|std|standard dev)")
 MULTIPLE = re.compile(r"[x×*·]\s*10\s*(?:\^|\*\*|[-−⁻]|[⁰¹²³⁴-⁹]|\d\b)")  # of a power of ten in a heading
@@ -99,8 +99,7 @@ def understand_columns(
     if signs and re.search(f"{STANDARD_ERROR.pattern}|{ERROR_OF_MEAN}", cells.titles):
         remedy = "write a column 'SE' with n, or the sd of repeats"
         faults.append(f"{cells.file}: words beside the table make ± a standard error: {remedy}")
-    if has_word(cells.titles, known_words()["rows"]["excluded"]) and any(LEFT_OUT in x for x in cells.notes):
-        faults.append(f"{cells.file}: words beside the table exclude rows that are marked: delete these rows")
+    faults += row_faults(cells)
     texts = [cells.titles, *(column.heading.text for column in columns if column.role == "observable")]
     if signs and (several := next(filter(None, map(SEVERAL_SD.search, texts)), None)):
         faults.append(f"{cells.file}: ± is '{several[0]}': write the sd of single repeats, in a column 'SD'")
@@ -328,8 +327,7 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
     why = non_conditions(cells, [*results, mean_of_repeats(results)], by_heading, set_ups, conditions)
-    factorial = any(np.unique(x).size < x.size for x in values.values())  # levels that recur
-    odd = [c.heading.text for c in unread if factorial or any("±" in row[c.place] for row in rows)]
+    odd = [c.heading.text for c in unread if any("±" in row[c.place] for row in rows)]  # measured, not set
     if len(values) > 1 and all(c.name == "repose_angle" for c in columns if c.role == "observable"):
         rest = {text: x for text, x in cells.items() if text not in why}
         why |= dict.fromkeys(results_of_heaps(rest, {*odd}.difference(conditions)), BESIDE_ANGLE)

@@ -41,9 +41,9 @@ from taichi_erosion.tables.cell_numbers import (
     read_cell,
     reason,
 )
-from taichi_erosion.tables.headings import Role, meaning_of, read_heading
+from taichi_erosion.tables.headings import Role, has_word, known_words, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells, word_of_summary_row
+from taichi_erosion.tables.spreadsheet import LEFT_OUT, Cells, word_of_summary_row
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -146,6 +146,19 @@ def tidy_columns(cells: Cells) -> list[Column]:
     faults += error_column_faults([each for each in columns if each.role == "condition_sd"], units, file)
     faults.raise_if_any()
     return columns
+
+
+def row_faults(cells: Cells) -> Iterator[str]:
+    """Rows of words alone, which may name those below them, and marks by which a footnote excludes rows."""
+    labels = [(line, *filter(None, row)) for line, row in cells.lines if sum(map(bool, row)) == 1]
+    for line, cell in labels:
+        if not (is_missing(cell) or is_quantity(cell)):
+            remedy = "write it in each row below, in a column 'set-up', or delete the row"
+            yield f"{cells.file}: row {line}, '{cell}', has words alone: {remedy}"
+    starred = [part for part in re.split(r"[.;]", cells.titles) if re.search(r"[*†‡§]", part)]
+    excluded = any(has_word(part, known_words()["rows"]["excluded"]) for part in starred)
+    if excluded and any(LEFT_OUT in note for note in cells.notes):
+        yield f"{cells.file}: words beside the table exclude rows that are marked: delete these rows"
 
 
 def missing_column_faults(names: Sequence[str], file: str) -> Iterator[str]:
