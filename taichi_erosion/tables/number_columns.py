@@ -192,10 +192,7 @@ def numbers_of_simulation(columns: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def results_of_heaps(columns: NumbersByHeading, others: Collection[str]) -> list[str]:
-    """Headings of what a heap of grains may have beside its angle: different in most rows, in uneven steps.
-
-    That are words known of heaps, and `others`.
-    """
+    """Headings known of heaps, and `others`, of columns that differ in most rows, in uneven steps."""
     names = [text for text in columns if text in others or has_word(text, known_words()["numbers"]["heap"])]
     different = [text for text in names if np.unique(columns[text]).size > MOST_ROWS * columns[text].size]
     return [text for text in different if not is_set_by_hand(text, columns[text])]

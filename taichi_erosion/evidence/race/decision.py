@@ -115,7 +115,7 @@ def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict
 def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
-    Alone, or `beside` what acts for sure and is not in the list.
+    Alone, or `beside` what acts for sure and is not in the list: a curve takes up misfit, and more is asked.
     """
     sets = [{*named, name} for name in group] or [{*named}]
     race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
@@ -125,7 +125,7 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     best = max(fits, key=lambda fit: fit.log_evidence)
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
-    return listed and is_adequate(best, FAMILYWISE)
+    return listed and is_adequate(best, 1.0 - SURE if OUTSIDE in best.hypothesis.extra else FAMILYWISE)
 
 
 def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, Acting]:
