@@ -184,8 +184,8 @@ class Race:
         work, columns = p.working_residuals(at.mean), p.whiten(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
         white = [p.whiten(columns_of(block, at.jacobian[:, : self.model.count])) for block in at.blocks]
-        seen = [work.weight if b.kind == "unlisted" else 1.0 * ~p.rows.censored for b in at.blocks]
-        white = [each * size[:, np.newaxis] for each, size in zip(white, seen, strict=True)]
+        parts = [work.weight if b.kind == "unlisted" else 1.0 * ~p.rows.censored for b in at.blocks]
+        white = [each * size[:, np.newaxis] for each, size in zip(white, parts, strict=True)]
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         dosed = 0.0 if at.dose is None else p.whiten(at.dose.change(at.dose.w, at.mean.size))
         y, x = work.residual + work.weight * (jacobian @ at.v + dosed), jacobian * work.weight[:, np.newaxis]

@@ -11,6 +11,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
+from taichi_erosion.evidence.models.prepared_problem import prepare_problem
+from taichi_erosion.evidence.race.blocks import AND, smooth_columns
 from taichi_erosion.evidence.race.search import imitates
 from tests.evidence.asking import SILENT, ask
 
@@ -377,3 +379,17 @@ def test_what_is_unlisted_acts_on_rows_below_a_limit_too(tmp_path):
     record = answer(study_of(tmp_path, "", table)).record
     assert record.named == ()
     assert ("vegetation_cover", "falls") in [(each.condition, each.shape) for each in record.curves]
+
+
+def test_what_acts_along_two_conditions_acts_along_each_by_itself(tmp_path):
+    lines = [f"{w};{c};{0.3 + 0.01 * k};3 %" for k, (w, c) in enumerate(np.ndindex(3, 4))]
+    problem = study_of(tmp_path, "", "\n".join(["w (%);crust (kPa);u*t (m/s);CV", *lines, ""])).problem
+    rows = prepare_problem(problem, problem.measurements, 1).rows
+    wet, crust = (np.unique(rows.conditions[name], return_inverse=True)[1] for name in ("moisture", "crust"))
+    contrast = (1.0 - wet) * np.where(crust < 2, 1.0 - 2.0 * crust, 0.0)
+    names, everywhere = ("moisture", "crust"), np.ones(rows.size, dtype=np.bool_)
+    by_each, all_ = (
+        contrast @ smooth_columns(rows, "threshold_u_star", everywhere, 1.0, along)
+        for along in (AND.join(names), "")
+    )
+    assert np.abs(by_each).max() < 1e-6 < np.abs(all_).max(), "no condition changes what the other does"

@@ -693,3 +693,28 @@ def test_a_row_that_its_remark_excludes_and_a_dose_that_the_control_lacks_are_re
     rows = [f"salt{s};{s};{w};{30 + w + 2 * (s or 0)};0.5\n" for s in ("", 2, 6) for w in range(4)]
     text = f"treatment;salt content (g/kg);moisture (%);angle of repose (deg);SD\n{''.join(rows)}"
     assert "blank in 4 rows (2, 3, 4, 5)" in refused(tmp_path, text)
+
+
+def test_rows_of_words_alone_and_rows_that_a_footnote_excludes_are_refused(tmp_path):
+    rows = "".join(f"{k};{w};{30 + w};0.5\n" for k, w in enumerate(range(4), 1))
+    text = f"Run;moisture (%);angle of repose (deg);SD\nSoil A;;;\n{rows}"
+    assert "row 2, 'Soil A', has words alone: write it in each row below" in refused(tmp_path, text)
+    stars = text.replace("Soil A;;;\n", "").replace(";32;", ";52*;")
+    assert "exclude rows that are marked" in refused(tmp_path, f"{stars}* excluded from the fit;;;\n")
+    assert measured(tmp_path, f"{stars}* p < 0.05. No outliers were found.;;;\n")[0].size == 4
+
+
+def test_what_the_user_states_is_not_asked_again(tmp_path):
+    rows = "".join(f"{0.9 + d % 2};{d};{0.3 * d};0;3\n" for d in range(1, 7))
+    text = f"density (g/cm3);d (mm);u*t (m/s);SD;n\n{rows}"
+    own = TableOptions(conditions={"density (g/cm3)": "materials.soil.density"})
+    found, _ = measured(tmp_path, text, table_options=own, sd={"threshold_u_star": "3 %"})
+    assert found.conditions["density"].min() == pytest.approx(900.0)
+    assert found.sd == pytest.approx(0.03 * found.value), "a scatter of 0 states none"
+
+
+def test_the_unit_of_a_heading_says_which_of_its_quantities_is_measured(tmp_path):
+    text = "d (mm);Clay u*t (cm/s);SD;n\n" + "".join(f"{0.1 * k};{10 * k};1;n=3\n" for k in range(1, 7))
+    assert "'n' has no numbers that can be read: 'n=3'" in refused(tmp_path, text)
+    found, _ = measured(tmp_path, text.replace("n=", ""))
+    assert set(found.observable) == {"threshold_u_star"}
