@@ -41,7 +41,6 @@ NUMBERED = re.compile(
 )
 NumbersByHeading = Mapping[str, Floats]
 RARE = 0.05  # chance below which a column with blank cells may act: it is asked
-MOST_ROWS = 0.85  # share of the rows in which a result differs from the others
 AXIAL = 2.0  # largest coded level of a central composite design
 LEAST_LEVELS = 6  # different numbers from which a parabola says something
 LEAST_FREE = 4  # degrees of freedom, and numbers of lines, from which lines say something
@@ -191,10 +190,10 @@ def numbers_of_simulation(columns: Mapping[str, Sequence[str]]) -> list[str]:
     return factors if clear and len(factors) > 1 else []
 
 
-def results_of_heaps(columns: NumbersByHeading, others: Collection[str]) -> list[str]:
-    """Headings known of heaps, and `others`, of columns that differ in most rows, in uneven steps."""
-    names = [text for text in columns if text in others or has_word(text, known_words()["numbers"]["heap"])]
-    different = [text for text in names if np.unique(columns[text]).size > MOST_ROWS * columns[text].size]
+def results_of_heaps(columns: NumbersByHeading) -> list[str]:
+    """Headings of what a heap of grains may have beside its angle: different in all rows, in uneven steps."""
+    names = [text for text in columns if has_word(text, known_words()["numbers"]["heap"])]
+    different = [text for text in names if np.unique(columns[text]).size == columns[text].size > 1]
     return [text for text in different if not is_set_by_hand(text, columns[text])]
 
 

@@ -196,9 +196,8 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
     best = max(unlisted, key=lambda h: unlisted[h])
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=names), race.fits[best])
     for name, column in rows.conditions.items():
-        acts = sum(p for h, p in unlisted.items() if not h.along or name in h.along.split(AND)) / sum(
-            unlisted.values()
-        )
+        share = sum(p for h, p in unlisted.items() if not h.along or name in h.along.split(AND))
+        acts = share / sum(unlisted.values())
         for index, block in enumerate(fit.blocks):
             points = np.unique(column[(np.array(rows.names) == block.observable) & np.isfinite(column)])
             if acts < SURE or block.kind != "unlisted" or points.size < 2:

@@ -74,8 +74,8 @@ def decide_cause(posterior: Posterior) -> Decision:
     likeliest = {name: max(some, key=log_joint) for name, some in fits.items() if some}
     sound = {name: beyond[name] for name, fit in likeliest.items() if is_adequate(fit, FAMILYWISE)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
-    company = both or (OUTSIDE,) * (any_acts(posterior, [OUTSIDE]) >= SURE)
-    if (named or group) and not rows_do_not_refute(posterior, named, group, company):
+    second_causes = both or (OUTSIDE,) * (any_acts(posterior, [OUTSIDE]) >= SURE)
+    if (named or group) and not rows_do_not_refute(posterior, named, group, second_causes):
         named, group, refuted = (), (), (*named, *group)
     imitators = imitating_conditions(race, named, group)
     left = tuple(name for name in named if name not in imitators)

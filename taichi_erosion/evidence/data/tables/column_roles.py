@@ -32,7 +32,6 @@ from taichi_erosion.tables.headings import (
     DIAMETER,
     GRAIN_DENSITY,
     KINDS,
-    LAWS,
     SCATTER,
     Heading,
     Role,
@@ -62,6 +61,7 @@ NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 NOT_USED = "-"  # in place of a name
+SIZES = ("mesh", "phi")  # numbers of grain sizes
 MOST_MARKS = 3  # in a column that says which rows count
 LIGHTEST = 2000.0  # of grains whose density has no other word [kg m-3]
 NONE = ("none", "n a", "control", "untreated", "dry", "air dry", "kontrolle", "trocken")  # may mean 0
@@ -254,12 +254,13 @@ def column_unit_faults(cells: Cells, column: Column, named: bool) -> Iterator[st
     """A unit that cannot be read, or that is another quantity than the place; `named`: by the user."""
     where = f"{cells.file}: column '{column.heading.text}'"
     used = column.role in ("observable", "condition")
-    scatter, law = column.role in ("sd", "se", "cv", "spread"), column.heading.unreadable in LAWS
-    if (used or scatter or law) and column.heading.unreadable:
+    scatter, size = column.role in ("sd", "se", "cv", "spread"), column.heading.unreadable in SIZES
+    if (used or scatter or size) and column.heading.unreadable:
         try:
             parse_scale(column.heading.unreadable)
         except UnknownUnit as error:
             hint = error.hint or "such as [%], [mm], [deg], [m/s], [g/(m s)]"
+            hint = f"head it 'grain size ({column.heading.unreadable})' if it is one" if size else hint
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
         yield f"{where}: is no sd of single repeats: give it (variance^1/2, IQR/1.35, CI n^1/2/4); {UNUSED}"

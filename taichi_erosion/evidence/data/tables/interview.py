@@ -327,10 +327,11 @@ def rename_unread_conditions(columns: Sequence[Column], reading: Reading) -> lis
     conditions = [c.heading.text for c in clear if c.name.startswith(CONDITION)]
     by_heading = {c.heading.text: x for c, x in values.items() if c.heading.text not in cells}
     why = non_conditions(cells, [*results, mean_of_repeats(results)], by_heading, set_ups, conditions)
-    odd = [c.heading.text for c in unread if any("±" in row[c.place] for row in rows)]  # measured, not set
+    signs = {c.heading.text for c in unread if any("±" in row[c.place] for row in rows)}  # measured, not set
     if len(values) > 1 and all(c.name == "repose_angle" for c in columns if c.role == "observable"):
         rest = {text: x for text, x in cells.items() if text not in why}
-        why |= dict.fromkeys(results_of_heaps(rest, {*odd}.difference(conditions)), BESIDE_ANGLE)
+        names = [*results_of_heaps(rest), *signs.difference(conditions).intersection(rest)]
+        why |= dict.fromkeys(names, BESIDE_ANGLE)
     for text in (text for text, reason in why.items() if reason == AGAIN):
         computed = has_word(text, words_of("computed")) and (others or len(why) < len(cells))
         why[text] = AGAIN if computed else ASKED
