@@ -222,6 +222,7 @@ class CurvePart:
     turn: Number  # condition at the peak or trough; NaN elsewhere
     points: tuple[PointPart, ...]
     unread: bool = False  # neither the model nor an effect reads the condition
+    alike: tuple[str, ...] = ()  # conditions that vary with it in these rows: each may act in its place
 
 
 @dataclass(frozen=True)

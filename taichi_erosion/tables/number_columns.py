@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.scene.schema.units import parse_scale, parse_unit
+from taichi_erosion.scene.schema.units import Kind, parse_scale, parse_unit
 from taichi_erosion.tables.cell_numbers import number_or_nan
 from taichi_erosion.tables.headings import (
     Heading,
@@ -23,7 +23,7 @@ from taichi_erosion.tables.headings import (
 )
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
-SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
+SAME = 0.998  # share of a column's variance that a parabola or line of another one explains: they are one
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
 AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
@@ -138,7 +138,9 @@ def why_column_is_no_condition(
     if not is_set_by_hand(heading, values) and any(computed):
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
-    same = [t for t, x in others.items() if is_parabola_of(values, x) or (is_code and follows(values, x))]
+    kind = unit_kind(heading)
+    alike = [t for t, x in others.items() if unit_kind(t) == kind and are_on_line(values, x)]
+    same = [*alike, *(t for t, x in others.items() if is_code and follows(values, x))]
     if same and not is_dose(heading):
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
@@ -223,6 +225,24 @@ def differs_between_groups(values: Floats, rest: Floats) -> bool:
     return differ and np.unique(values).size > 1 + max(map(len, sets))
 
 
+def steps_of_one_sign(column: Floats, other: Floats) -> int:
+    """Number of steps of a column where another one rises at every step, or falls at every step; else 0."""
+    pairs = np.unique([column, other], axis=1)
+    steps, turns = np.diff(pairs[0]), np.sign(np.diff(pairs[1]))
+    return steps.size if np.all(steps > 0.0) and abs(turns.sum()) == steps.size else 0
+
+
+def vary_together(column: Floats, other: Floats) -> bool:
+    """Whether two conditions vary as one, along a line or at five values and more: no row separates them."""
+    steps = steps_of_one_sign(np.nan_to_num(column), np.nan_to_num(other))
+    return steps >= 4 or (steps >= 2 and are_on_line(column, other))
+
+
+def are_on_line(column: Floats, other: Floats) -> bool:
+    varies = min(np.ptp(column), np.ptp(other)) > 0.0
+    return bool(varies and np.corrcoef(column, other)[0, 1] ** 2 > SAME)
+
+
 def is_parabola_of(column: Floats, other: Floats) -> bool:
     both = np.isfinite(column) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(column[both]) == 0.0:
@@ -230,18 +250,22 @@ def is_parabola_of(column: Floats, other: Floats) -> bool:
     return variance_left_by_parabola(column[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
+def unit_kind(heading: str) -> Kind:
+    """Kind of the unit that a heading states; that of a pure number without one."""
+    unit = read_heading(heading).unit
+    return parse_scale(unit).kind if unit else ()
+
+
 def is_dose(heading: str) -> bool:
     """Whether a column is in the unit of a dose, an age or a temperature."""
-    unit = read_heading(heading).unit
-    return unit is not None and parse_scale(unit).kind in {parse_unit(each).kind for each in SET_UNITS}
+    return unit_kind(heading) in {parse_unit(each).kind for each in SET_UNITS}
 
 
 def is_set_by_hand(heading: str, values: Floats) -> bool:
     """Whether a column is of even steps, of round numbers from a control of 0, or of no result's unit."""
     if is_dose(heading):
         return True
-    levels, unit = np.unique(values[np.isfinite(values)]), read_heading(heading).unit
-    kind = parse_scale(unit).kind if unit else ()
+    levels, kind = np.unique(values[np.isfinite(values)]), unit_kind(heading)
     is_round = all(x == float(f"{x:.1e}") for x in levels)
     if is_round and levels[0] == 0.0 and kind not in {parse_unit(each).kind for each in RESULT_UNITS}:
         return not has_word(heading, words_of("computed"))

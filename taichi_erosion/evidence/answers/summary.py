@@ -32,6 +32,7 @@ from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.record import Interval, Record
 from taichi_erosion.mechanisms.dose_forms import Form
+from taichi_erosion.tables.number_columns import vary_together
 
 EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
 CLEAR = float(special.ndtri(0.99))  # likewise 1 %: of several observables one may follow nothing
@@ -196,8 +197,10 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
     best = max(unlisted, key=lambda h: unlisted[h])
     rows, fit = race.prepared.rows, race.fits.get(replace(best, names=names), race.fits[best])
     for name, column in rows.conditions.items():
-        share = sum(p for h, p in unlisted.items() if not h.along or name in h.along.split(AND))
-        acts = share / sum(unlisted.values())
+        alike = [each for each, x in rows.conditions.items() if each == name or vary_together(column, x)]
+        share = sum(p for h, p in unlisted.items() if not h.along or {*alike} & {*h.along.split(AND)})
+        first = next((each for each in alike if each in best.along.split(AND)), alike[0])
+        acts = share / sum(unlisted.values()) if name == first else 0.0
         for index, block in enumerate(fit.blocks):
             points = np.unique(column[(np.array(rows.names) == block.observable) & np.isfinite(column)])
             if acts < SURE or block.kind != "unlisted" or points.size < 2:
@@ -205,7 +208,8 @@ def unlisted_curve_parts(posterior: Posterior, decision: Decision) -> Iterator[p
             some = np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
             curve = curve_part(name, fit, points[some], index, rows)
             if curve.shape != "varies":
-                yield replace(curve, unread=name in race.prepared.problem.unread)
+                others = tuple(each for each in alike if each != name)
+                yield replace(curve, unread=name in race.prepared.problem.unread, alike=others)
 
 
 def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:

@@ -113,7 +113,9 @@ def pivotal_row(posterior: Posterior, firm: set[str], *either: Acting) -> int:
     if not (firm or groups):
         return 0
     chances = {
-        line: sum(p for h, p in rest.probability.items() if h.acting >= firm and all(h.acting & g for g in groups))
+        line: sum(
+            p for h, p in rest.probability.items() if h.acting >= firm and all(h.acting & g for g in groups)
+        )
         for line, rest in posterior.without_rows.items()
     }
     line = min(chances, key=lambda each: chances[each], default=0)
@@ -133,7 +135,7 @@ def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict
 def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
-    Alone, or `beside` what acts for sure and is not in the list: a curve takes up misfit, and more is asked.
+    Alone, or `beside` what acts for sure and is not in the list; the rows agree with a name as with a model.
     """
     sets = [{*named, name} for name in group] or [{*named}]
     race, sets_of = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
@@ -143,16 +145,16 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     best = max(fits, key=lambda fit: fit.log_evidence)
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
-    return listed and is_adequate(best, 1.0 - SURE if OUTSIDE in best.hypothesis.extra else FAMILYWISE)
+    return listed and is_adequate(best, 1.0 - SURE)
 
 
 def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, Acting]:
     """Conditions that no effect reads of which a parabola makes what an effect does in these rows."""
-    imitators, rows = {}, race.prepared.rows
+    imitators = {}
     for name in (*named, *group):
         whole = Hypothesis(tuple(sorted({*named, name})))
         change = np.subtract(*(race.fits.get(h, race.bare).mean for h in (whole, whole.without(name))))
-        alike = tuple(c for c in race.prepared.problem.unread if imitates(rows.conditions[c], change))
+        alike = tuple(c for c in race.prepared.problem.unread if imitates(race, c, change))
         imitators |= {name: alike} if alike else {}
     return imitators
 

@@ -20,7 +20,12 @@ from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.blocks import AND, EACH_SET_UP
 from taichi_erosion.evidence.race.fit import OUTSIDE, UNLISTED, Fit, Hypothesis, Race, log_joint
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, SHARED, STRAIGHT, SURE, Priors
-from taichi_erosion.tables.number_columns import column_affects_result, variance_left_by_parabola
+from taichi_erosion.tables.number_columns import (
+    column_affects_result,
+    steps_of_one_sign,
+    variance_left_by_parabola,
+    vary_together,
+)
 
 
 def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
@@ -119,23 +124,26 @@ def can_tell_apart(race: Race, fit: Fit) -> bool:
 
     It acts along conditions that no effect reads, of which none imitates an effect.
     """
-    places, rows = [*filter(None, fit.hypothesis.along.split(AND))], race.prepared.rows
+    places = [*filter(None, fit.hypothesis.along.split(AND))]
     if OUTSIDE not in fit.hypothesis.extra:
         return True
     slopes = fit.jacobian[:, race.model.count :].T
-    alike = any(imitates(rows.conditions[place], each) for place in places for each in slopes)
+    alike = any(imitates(race, place, each) for place in places for each in slopes)
     return bool(places) and {*places} <= {*race.prepared.problem.unread} and not alike
 
 
-def imitates(column: Floats, change: Floats) -> bool:
+def imitates(race: Race, condition: str, change: Floats) -> bool:
     """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
 
-    Or a condition that rises or falls with the change at every step: of four, by chance at p = 2 / 5!; a dose
-    with a control is set, and takes two. Rows alike in both count once: repeats show nothing of it.
+    Or it rises or falls with the change at every step: of four, by chance at p = 2 / 5!; of two where it is a
+    dose with a control, or varies with what an effect reads. Rows alike in both count once.
     """
-    column, change = np.unique([np.nan_to_num(column), change], axis=1)
-    steps, turns = np.diff(column), np.sign(np.diff(change))
-    if np.all(steps > 0.0) and abs(turns.sum()) == steps.size >= (2 if column[0] == 0.0 else 4):
+    conditions, unread = race.prepared.rows.conditions, race.prepared.problem.unread
+    column, change = np.unique([np.nan_to_num(conditions[condition]), change], axis=1)
+    is_set = any(
+        vary_together(conditions[condition], x) for name, x in conditions.items() if name not in unread
+    )
+    if steps_of_one_sign(column, change) >= (2 if is_set or column[0] == 0.0 else 4):
         return True
     same = np.zeros(change.size)
     acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT

@@ -288,7 +288,9 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     for curve in record.curves:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
-        name = f"{say.in_words(curve.condition)}{', which no effect reads under this name' * curve.unread}"
+        name = say.join_words(map(say.in_words, (curve.condition, *curve.alike)), "or")
+        name += ", which vary together in these rows" * bool(curve.alike)
+        name += ", which no effect reads under this name" * (curve.unread and not curve.alike)
         shape = turns.get(curve.shape, f"{curve.shape} with it")
         words.setdefault(name, []).append(f"the {say.in_words(curve.observable)} {shape}")
     return (
@@ -381,7 +383,9 @@ def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     refuted = [record.effects[name] for name in record.refuted]
     if record.imitators:
         return f"No effect is named: {imitation_text(record, voc)}"
-    why = "the rows contradict its law: another law or effect acts, or the scatter is larger than stated"
+    why = (
+        "the rows do not agree with its law: another law or effect acts, or the scatter is larger than stated"
+    )
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
     elif strong := [part for part in refuted if part.strength > part.most]:
