@@ -74,7 +74,7 @@ def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
         "factor": f"{name} reads {factor_text(error)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name} is {say.interval(error)} times that of sd or repeats",
-        "row": f"row {label} reads {name} {size} than it should: check it",
+        "row": f"row {label} reads {name} {size} than the other rows make likely: check it",
     }.get(error.kind, f"{name} of {label} {relation} {other}, beyond what their conditions explain")
 
 
