@@ -16,6 +16,7 @@ from itertools import zip_longest
 from math import atan, degrees, nan
 from typing import Literal
 
+from taichi_erosion.scene.physical_ranges import is_other_kind
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 
 TidyRole = Literal["value", "unit", "vault", "repeat"]  # of columns that a tidy table alone has
@@ -258,12 +259,14 @@ def has_word(heading: str, words: Iterable[str]) -> bool:
 
 
 @cache
-def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
-    """Length of the longest known word of some kinds in a heading, its kind, and its meaning."""
+def longest_word(heading: str, *kinds: str, unit: str | None = None) -> tuple[int, str, str]:
+    """Length of the longest known word of some kinds in a heading, its kind, and its meaning in a unit."""
     plain = plain_words(heading)
     best = (0, "", "")
     for kind in kinds:
         for name, words in known_words()[kind].items():
+            if is_other_kind(unit, name):
+                continue
             is_name = kind in KINDS and heading.strip() == name.rpartition(".")[2]
             length = len(heading) + 1 if is_name else max(word_length(word, plain) for word in words)
             best = max(best, (length, kind, name), key=lambda each: each[0])

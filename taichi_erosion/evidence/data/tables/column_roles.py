@@ -176,9 +176,9 @@ def names_by_column(cells: Cells, options: TableOptions, faults: list[str]) -> d
 def role_of_heading(heading: Heading, content: Sequence[str], numeric: bool) -> tuple[Role, str]:
     """Role of a column and what it measures or sets, by its heading and its unit."""
     role, name = meaning_of(heading.name)
-    measure = longest_word(heading.name, "observables", "halved")[2]
-    if measure and is_other_kind(heading.unit, name) and not is_other_kind(heading.unit, measure):
-        return "observable", measure  # `clay u*t [m/s]`
+    if is_other_kind(heading.unit, name):  # `clay u*t [m/s]`, `u* in flux run [m/s]`
+        _, kind, other = longest_word(heading.name, *KINDS, unit=heading.unit)
+        role, name = (KINDS[kind], other) if other else (role, name)
     if role == "n" and (heading.unit or heading.unreadable):  # a porosity, a rate of nitrogen
         role = "unknown"
     if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):

@@ -292,6 +292,7 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
         option = f"say what it is with --condition '{column.heading.name}=PATH'"
         method = "write a row for each, with a column 'method' that tells them apart"
         remedy = method if column.role == "observable" else option
+        remedy = CROSS_TABLE if heading_holds_value(column.heading) else remedy
         return f"means {column.name}, as column '{seen[column.name]}' does; {remedy}; {UNUSED}"
     if not options.measures:  # a study says itself what there is
         return ""
