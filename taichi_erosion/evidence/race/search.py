@@ -133,17 +133,25 @@ def can_tell_apart(race: Race, fit: Fit) -> bool:
 
 
 def imitates(race: Race, condition: str, change: Floats) -> bool:
-    """Whether a bent line that rises or falls with a condition makes a change of the rows, not by chance.
+    """Whether a condition that no effect reads makes a change of the rows.
 
-    Or it rises or falls with the change at every step: of four, by chance at p = 2 / 5!; of two where it is a
-    dose with a control, or varies with what an effect reads. Rows alike in both count once.
+    One that varies with a condition that an effect reads, or a dose with a control, shows it in three values.
     """
     conditions, unread = race.prepared.rows.conditions, race.prepared.problem.unread
-    column, change = np.unique([np.nan_to_num(conditions[condition]), change], axis=1)
-    is_set = any(
-        vary_together(conditions[condition], x) for name, x in conditions.items() if name not in unread
-    )
-    if steps_of_one_sign(column, change) >= (2 if is_set or column[0] == 0.0 else 4):
+    column = np.nan_to_num(conditions[condition])
+    others = [x for name, x in conditions.items() if name not in unread]
+    is_set = np.min(column) == 0.0 or any(vary_together(column, x) for x in others)
+    return can_make_change(column, change, 2 if is_set else 4)
+
+
+def can_make_change(column: Floats, change: Floats, least: int) -> bool:
+    """Whether a bent line that rises or falls with a column makes a change of the rows, not by chance.
+
+    Or it rises or falls with the change at every step, of `least`: of four, by chance at p = 2 / 5!. Rows
+    alike in both count once: repeats show nothing of it.
+    """
+    column, change = np.unique([column, change], axis=1)
+    if steps_of_one_sign(column, change) >= least:
         return True
     same = np.zeros(change.size)
     acts = column_affects_result(column, change, same) and abs(np.corrcoef(column, change)[0, 1]) > STRAIGHT

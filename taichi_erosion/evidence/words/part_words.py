@@ -264,7 +264,7 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
     firm, either = ([cause_text(name, record, voc) for name in names] for names in sure_and_group(record))
     chance = say.probability_text(record.unlisted)
     pivot = record.pivotal_row
-    rests = [f"Without row {pivot} it is likelier that not: check that row."] * bool(pivot)
+    rests = [f"Without row {pivot} it would not be likely: check that row."] * bool(pivot)
     missing = f"Missing, if row {pivot} is right" if pivot else "Missing"
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)

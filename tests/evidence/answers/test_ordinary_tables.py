@@ -13,7 +13,7 @@ from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.race.blocks import AND, smooth_columns
-from taichi_erosion.evidence.race.search import imitates
+from taichi_erosion.evidence.race.search import can_make_change
 from tests.evidence.asking import SILENT, ask
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
@@ -27,6 +27,10 @@ def flux_table(kept: int) -> str:
     wanted = [";".join(map(str, each)) for each in BELOW[:kept]]
     rows = [row for row in rows if "<" not in row or kept == 13 or row.split(";<")[0] in wanted]
     return "\n".join([head, *rows, ""])
+
+
+def text_of(rows: Sequence[Sequence[object]]) -> str:
+    return "".join(f"{';'.join(map(str, row))}\n" for row in rows)
 
 
 FLUXES = {f"{kept} below": flux_table(kept) for kept in (0, 1, 3, 13)}
@@ -344,8 +348,15 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     assert (reply.record.named, reply.record.imitators) == ((), {"liquid_bridge": ("clay_fraction",)})
     assert "but so would clay fraction" in reply.answer().lines[0]
     change, column = np.array([0.0, 0.11, 0.17, 0.24]), np.array([1.52, 1.47, 1.44, 1.38])
-    assert not imitates(np.repeat(column, 3), np.repeat(change, 3)), "repeats show nothing of it"
-    assert imitates(np.array([0.0, 20.0, 40.0, 60.0]), change), "a dose is set"
+    assert not can_make_change(np.repeat(column, 3), np.repeat(change, 3), 4), "repeats show nothing of it"
+    assert can_make_change(np.array([0.0, 20.0, 40.0, 60.0]), change, 2), "a dose is set"
+    four = [
+        f"{10 * w + 3:g};{w};{0.2 * np.sqrt(1.0 + 1.21 * w**0.68):.3f};0.01;5" for w in (0.2, 1, 2, 4) * 2
+    ]
+    heading_of_two = heading.replace("clay (%)", "crust thickness (mm)")
+    (line := tmp_path / "line").mkdir()
+    reply = answer(study_of(line, "", "\n".join([heading_of_two, *four, ""])))
+    assert reply.record.imitators == {"liquid_bridge": ("crust_thickness",)}, "a line of four values"
     (mixed := tmp_path / "mixed").mkdir()
     doses = zip(clay[3:] + clay[:3], moisture, speeds, strict=True)
     shuffled = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in doses]
@@ -393,3 +404,33 @@ def test_what_acts_along_two_conditions_acts_along_each_by_itself(tmp_path):
         for along in (AND.join(names), "")
     )
     assert np.abs(by_each).max() < 1e-6 < np.abs(all_).max(), "no condition changes what the other does"
+
+
+def test_conditions_that_vary_together_are_told_together(tmp_path):
+    days, values = (0, 1, 2, 3, 5, 8, 12), (0.251, 0.272, 0.291, 0.313, 0.352, 0.411, 0.492)
+    rows = [f"{t};{0.5 * t**1.1:.3g};250;{u};0.006;4" for t, u in zip(days, values, strict=True)]
+    table = "\n".join(["days after treatment;polymer dose (g/m2);d (um);u*t (m/s);SD;n", *rows, *rows, ""])
+    reply = answer(study_of(tmp_path, "", table))
+    (curve,) = reply.record.curves
+    assert {curve.condition, *curve.alike} == {"days_after_treatment", "polymer_dose"}
+    assert "or polymer dose, which vary together in these rows" in reply.answer().lines[0]
+
+
+def test_what_one_row_decides_is_missing_if_that_row_is_right(tmp_path):
+    slopes = (-20, -15, -10, -5, 0, 5, 10, 15)
+    speeds = [0.25 * np.sqrt(np.cos(a) + np.sin(a) / 0.6) for a in np.radians(slopes)]
+    rows = [[a, f"{u:.3f}", "0.004", 4] for a, u in zip(slopes, speeds, strict=True)] * 2
+    rows[2] = [-87.5, *rows[2][1:]]  # of -10
+    reply = answer(study_of(tmp_path, "", text_of([["slope (deg)", "u*t (m/s)", "SD", "n"], *rows])))
+    assert (reply.record.verdict, reply.record.pivotal_row) == ("outside_library", 4)
+    assert reply.answer().lines[0].startswith("Missing, if row 4 is right: something not in the list")
+
+
+def test_a_near_law_is_not_named(tmp_path):
+    rows = [(w, d) for d in (0.15, 0.2, 0.25, 0.355, 0.5) for w in (0, 0.3, 0.6, 1, 1.5, 2.2)]
+    noise = np.random.default_rng(3).normal(1.0, 0.02, len(rows))
+    values = [0.5 * d**0.5 + 0.09 * w for w, d in rows]
+    lines = [[w, d, f"{u * e:.4f}", "2 %"] for (w, d), u, e in zip(rows, values, noise, strict=True)]
+    record = answer(study_of(tmp_path, "", text_of([["w (%)", "d (mm)", "u*t (m/s)", "CV"], *lines]))).record
+    assert record.named == ()
+    assert record.refuted == ("liquid_bridge",) or record.verdict == "outside_library"
