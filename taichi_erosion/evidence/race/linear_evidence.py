@@ -26,7 +26,9 @@ from scipy import linalg
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.race.priors import BAD_ROW, BAD_SD, SLIP
 
-ODDS = tuple(log(chance / (1.0 - chance)) for chance in (BAD_ROW, SLIP))
+BLUNDERS = len(BAD_SD)  # ways of being bad; then come a value ten times too large and one too small
+CHANCES = (BAD_ROW / BLUNDERS,) * BLUNDERS + (SLIP, SLIP)
+ODDS = np.log([chance / (1.0 - chance) for chance in CHANCES])
 
 
 @dataclass(frozen=True)
@@ -109,13 +111,14 @@ class LinearRows:
     def correct_bad_rows(self, bad: Mapping[int, int]) -> "LinearRows":
         """The same with BAD_SD times the error of blunders, and slips of the decimal point moved back."""
         weight = self.weight.copy()
-        weight[[row for row, way in bad.items() if not way]] /= BAD_SD**2
+        for row, way in bad.items():
+            weight[row] /= BAD_SD[way] ** 2 if way < BLUNDERS else 1.0
         return replace(self, weight=weight, y=self.y - self.slips_of(bad))
 
     def slips_of(self, bad: Mapping[int, int]) -> Floats:
         """What slips of the decimal point add to each row (n,)."""
-        ways = (bad.get(row, 0) for row in range(self.y.size))
-        return np.array([self.slips[row, way - 1] if way else 0.0 for row, way in enumerate(ways)])
+        ways = np.array([bad.get(row, 0) - BLUNDERS for row in range(self.y.size)])
+        return np.where(ways < 0, 0.0, self.slips[np.arange(ways.size), ways])
 
     def at_scales(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
@@ -231,7 +234,7 @@ class Evidence:
     """Posterior of one hypothesis with the rows that it finds bad."""
 
     solution: LinearPosterior
-    bad: Mapping[int, int]  # 0: a blunder; 1, 2: a value ten times too large, too small
+    bad: Mapping[int, int]  # row -> way of being bad, of CHANCES
     log_evidence: float
 
     @cached_property
@@ -244,20 +247,20 @@ class Evidence:
         """
         residual, diagonal = self.solution.whitened
         density = 0.5 * np.log(diagonal) - 0.5 * residual**2 / diagonal
-        density[[*self.bad]] += [ODDS[1 if way else 0] for way in self.bad.values()]
+        density[[*self.bad]] += ODDS[[*self.bad.values()]]
         return density
 
 
 def row_evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
     """Evidence with every row that is likelier bad than not, summed over one more.
 
-    Where the scatter grows beyond its doubt, a slip of the decimal point may be the cause: it is tried.
+    Where the scatter grows beyond its doubt, one bad row may be the cause: it is tried.
     """
     evidence, k = evidence_beside_bad_rows(rows, u, steps, {}), rows.block_count
     narrow = np.append(evidence.solution.u[:k], np.zeros(u.size - k))
     if not evidence.bad and np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
         bad, _ = add_worst_row(rows.at_scales(narrow), {})
-        other = evidence_beside_bad_rows(rows, narrow, steps, bad) if any(bad.values()) else evidence
+        other = evidence_beside_bad_rows(rows, narrow, steps, bad)
         return max(evidence, other, key=lambda each: each.log_evidence)
     return evidence
 
@@ -271,13 +274,13 @@ def evidence_beside_bad_rows(rows: LinearRows, u: Floats, steps: int, bad: Mappi
         if np.max(gain) < 1.0 or len(bad) >= most:
             break
         bad, u = more, now.u
-    odds = sum(ODDS[1 if way else 0] for way in bad.values())
+    odds = float(ODDS[[*bad.values()]].sum())
     total = now.log_evidence + odds + float(np.log1p(np.sum(np.exp(np.minimum(gain, 30.0)))))
     return Evidence(now, bad, total)
 
 
 def add_worst_row(now: LinearPosterior, bad: Mapping[int, int]) -> tuple[dict[int, int], Floats]:
-    """Bad rows with the worst of the others, and ln of o L (n, 3) of each row and way of being bad.
+    """Bad rows with the worst of the others, and ln of o L (n, k) of each row and way of being bad.
 
     o are the odds of a bad row; with P = V^-1 and a = P y of a blunder, e its additional variance, and of a
     slip s of the decimal point
@@ -285,11 +288,11 @@ def add_worst_row(now: LinearPosterior, bad: Mapping[int, int]) -> tuple[dict[in
         L = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),    L = exp(s a_i - 1/2 s^2 P_ii)
     """
     residual, diagonal = (each[:, np.newaxis] for each in now.whitened)
-    extra = (BAD_SD**2 - 1.0) / now.inverse_variance_of_rows[:, np.newaxis]
+    extra = (np.square(BAD_SD) - 1.0) / now.inverse_variance_of_rows[:, np.newaxis]
     grown = 1.0 + extra * diagonal
-    blunder = ODDS[0] - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
-    slip = ODDS[1] + now.rows.slips * residual - 0.5 * now.rows.slips**2 * diagonal
-    gain = np.nan_to_num(np.hstack([blunder, slip]), nan=-np.inf)
+    blunder = -0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
+    slip = now.rows.slips * residual - 0.5 * now.rows.slips**2 * diagonal
+    gain = ODDS + np.nan_to_num(np.hstack([blunder, slip]), nan=-np.inf)
     gain[[*bad]] = gain[now.rows.scatter < 0] = -np.inf
     row, way = np.unravel_index(np.argmax(gain), gain.shape)
     return {**bad, int(row): int(way)}, gain

@@ -87,12 +87,12 @@ def test_one_bad_row_is_found_and_weighs_little():
     y[9] += 12.0
     dirty = row_evidence(replace(table, y=y), table.scales.initial, 20)
     assert (clean.bad, dirty.bad) == ({}, {9: 0})
-    assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD**-2)
+    assert dirty.solution.rows.weight[9] == pytest.approx(BAD_SD[0] ** -2)
     np.testing.assert_allclose(dirty.solution.centre[:2], clean.solution.centre[:2], atol=0.25)
     assert clean.log_evidence - dirty.log_evidence < 12.0
 
 
-@pytest.mark.parametrize(("gap", "way"), [(60.0, 1), (-1000.0, 2)])
+@pytest.mark.parametrize(("gap", "way"), [(60.0, 2), (-1000.0, 3)])
 def test_a_slip_of_the_decimal_point_is_moved_back_and_is_no_scatter(gap, way):
     table = replace(rows(size=24), slips=np.full((24, 2), [60.0, -1000.0]))
     clean = row_evidence(table, table.scales.initial, 20)
