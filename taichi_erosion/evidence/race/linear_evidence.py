@@ -111,8 +111,7 @@ class LinearRows:
     def correct_bad_rows(self, bad: Mapping[int, int]) -> "LinearRows":
         """The same with BAD_SD times the error of blunders, and slips of the decimal point moved back."""
         weight = self.weight.copy()
-        for row, way in bad.items():
-            weight[row] /= BAD_SD[way] ** 2 if way < BLUNDERS else 1.0
+        weight[[*bad]] /= np.array([*BAD_SD, 1.0, 1.0])[[*bad.values()]] ** 2
         return replace(self, weight=weight, y=self.y - self.slips_of(bad))
 
     def slips_of(self, bad: Mapping[int, int]) -> Floats:

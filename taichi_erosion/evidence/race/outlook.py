@@ -38,7 +38,7 @@ from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_factors,
 from taichi_erosion.evidence.race.doses import dosing_of_fit
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import UNLISTED, Doses, Fit, Hypothesis, Race, slips_of_decimal_point
-from taichi_erosion.evidence.race.linear_evidence import BLUNDERS, LinearPosterior
+from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.posterior import Posterior, draw_scales
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
 from taichi_erosion.evidence.record import HeldOutPart, Interval
@@ -279,14 +279,11 @@ def leave_one_out_shares(posterior: Posterior) -> Floats:
     """
     weights, shares, random = [], [], np.random.default_rng(SEED)
     for h, p in posterior.likely_hypotheses().items():
-        evidence = posterior.race.fits[h].evidence
-        blunders = {row: BAD_SD[way] for row, way in evidence.bad.items() if way < BLUNDERS}
-        for now, _, weight in draw_scales(evidence.solution, p, random):
+        for now, _, weight in draw_scales(posterior.race.fits[h].evidence.solution, p, random):
             residual, diagonal = now.whitened
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
-            for row, size in blunders.items():
-                variance[row] -= (1.0 - size**-2) / now.inverse_variance_of_rows[row]
+            variance -= (1.0 - now.rows.weight) / now.inverse_variance_of_rows
             shares.append(special.ndtr(gap / np.sqrt(variance)))
     share = np.exp(weights - np.max(weights, axis=0))
     return np.sum(share * shares, axis=0) / np.sum(share, axis=0)

@@ -192,7 +192,6 @@ def misfit_line(record: Record, added: str) -> str:
     words = f"Misfit per fitted row: {before} before ({say.p_text(record.p_misfit)}), {after} with {added}"
     p, fresh = record.p_misfit_after, record.fresh_runs
     rest = " The model still fails: something else acts too, or by another law." * (p < ADEQUATE)
-    rest += f" Chance makes such a misfit {RARELY}: another law may act." * (ADEQUATE <= p < AGREED)
     if fresh is not None and fresh.outcome in TESTED:
         rest += f" {count_noun(fresh.runs, 'new simulation')} {TESTED[fresh.outcome]}."
     return f"{words} ({say.p_text(p)}); 1 is chance.{rest}"
