@@ -25,7 +25,28 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 
 PointKind = Literal["factorial", "edge", "axial", "centre", "path", "space", "added"]
+Part = tuple[PointKind, Floats]
+Axial = Literal["rotatable", "spherical", "faced"]
 SAME_POINT = 1e-9  # coded levels closer than this are one level; they come from decimal numbers [1]
+# first rows of the cyclic designs of Plackett & Burman (1946), by the number of runs; 28 runs are not cyclic
+CYCLES = {
+    4: "++-",
+    8: "+++-+--",
+    12: "++-+++---+-",
+    16: "++++-+-++--+---",
+    20: "++--++++-+-+----++-",
+    24: "+++++-+-++--++--+-+----",
+    32: "----+-+-+++-++---+++++--++-+--+",
+    36: "-+-+++---+++++-+++--+----+-+-++--+-",
+}
+# factors that are varied together, block by block, in the order of Box & Behnken (1960)
+TOGETHER = {
+    3: ("AB", "AC", "BC"),
+    4: ("AB", "CD", "AD", "BC", "AC", "BD"),
+    5: ("AB", "CD", "BE", "AC", "DE", "BC", "AD", "CE", "AE", "BD"),
+    6: ("ABD", "BCE", "CDF", "ADE", "BEF", "ACF"),
+    7: ("DEF", "AFG", "BEG", "ABD", "CDG", "ACE", "BCF"),
+}
 
 
 @dataclass(frozen=True)
@@ -100,7 +121,7 @@ def settings_at(factors: Sequence[Factor], coded: Floats) -> dict[str, float]:
 
 
 def stack_parts(
-    name: str, factors: Sequence[Factor], parts: Sequence[tuple[PointKind, Floats]], seed: int | None = None
+    name: str, factors: Sequence[Factor], parts: Sequence[Part], seed: int | None = None
 ) -> Design:
     """A design of several parts, one below the other.
 
@@ -126,36 +147,11 @@ def design_csv(design: Design) -> str:
     return table.to_csv(index=False, lineterminator="\n")
 
 
-# first rows of the cyclic designs of Plackett & Burman (1946), by the number of runs; 28 runs are not cyclic
-CYCLES = {
-    4: "++-",
-    8: "+++-+--",
-    12: "++-+++---+-",
-    16: "++++-+-++--+---",
-    20: "++--++++-+-+----++-",
-    24: "+++++-+-++--++--+-+----",
-    32: "----+-+-+++-++---+++++--++-+--+",
-    36: "-+-+++---+++++-+++--+----+-+-++--+-",
-}
-# factors that are varied together, block by block, in the order of Box & Behnken (1960)
-TOGETHER = {
-    3: ("AB", "AC", "BC"),
-    4: ("AB", "CD", "AD", "BC", "AC", "BD"),
-    5: ("AB", "CD", "BE", "AC", "DE", "BC", "AD", "CE", "AE", "BD"),
-    6: ("ABD", "BCE", "CDF", "ADE", "BEF", "ACF"),
-    7: ("DEF", "AFG", "BEG", "ABD", "CDG", "ACE", "BCF"),
-}
-
-
 def factorial_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
     from pyDOE3 import fullfact
 
     return 2.0 * np.asarray(fullfact([levels] * count), float) / (levels - 1) - 1.0
-
-
-Part = tuple[PointKind, Floats]
-Axial = Literal["rotatable", "spherical", "faced"]
 
 
 def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int | None = None) -> Design:

@@ -24,7 +24,6 @@ class PhysicalRange:
     usual: tuple[float, float] | None = None
 
     def is_possible(self, value: float) -> bool:
-        """Whether a value can be."""
         return self.low <= value <= self.high
 
     def is_usual(self, value: float) -> bool:

@@ -7,22 +7,17 @@ means a radius of nine nominal grain diameters; the suffix serves every quantity
 from collections.abc import Iterable, Iterator
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
+import pydantic
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
-    GetJsonSchemaHandler,
     PrivateAttr,
-    SerializationInfo,
-    SerializerFunctionWrapHandler,
     StringConstraints,
     ValidationInfo,
-    field_validator,
-    model_serializer,
-    model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -112,15 +107,17 @@ class Section(BaseModel):
     in_metres_only: ClassVar[bool] = False  # no length or time of it may be given in grain diameters
     later: ClassVar[tuple[str, ...]] = ()  # entries that older scenes lack: at their default not in a hash
 
-    @model_serializer(mode="wrap")
-    def _omit_fields_outside_hash(self, dump: SerializerFunctionWrapHandler, about: SerializationInfo) -> Any:
+    @pydantic.model_serializer(mode="wrap")
+    def _omit_fields_outside_hash(
+        self, dump: pydantic.SerializerFunctionWrapHandler, about: pydantic.SerializationInfo
+    ) -> Any:
         table = dump(self)
         for name in self.later if about.context == FOR_HASH else ():
             if getattr(self, name) == type(self).model_fields[name].get_default(call_default_factory=True):
                 table.pop(name, None)
         return table
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _scale_by_nominal_diameter(cls, table: Any, about: ValidationInfo) -> Any:
         """The table with every `NAME_d` replaced by NAME, times the nominal diameter where it is known."""
@@ -147,7 +144,7 @@ class Section(BaseModel):
         return key.removesuffix(DIAMETERS)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: pydantic.GetJsonSchemaHandler) -> Any:
         """Schema of the section with `NAME_d` for every length and time that it has."""
         part = handler.resolve_ref_schema(handler(core))
         either = []
@@ -165,7 +162,7 @@ class Section(BaseModel):
             part["allOf"] = either
         return part
 
-    @field_validator("*")
+    @pydantic.field_validator("*")
     @classmethod
     def _refuse_out_of_range(cls, value: Any, about: ValidationInfo) -> Any:
         extra = cls.model_fields[str(about.field_name)].json_schema_extra
@@ -177,6 +174,16 @@ class Section(BaseModel):
                 raise PydanticCustomError("outside", "lies outside {range}", {"range": allowed})
         return value
 
+    @pydantic.model_validator(mode="after")
+    def _refuse_contradictions(self) -> Self:
+        for message in self.contradictions():
+            raise contradiction(message)
+        return self
+
+    def contradictions(self) -> Iterator[str]:
+        """What is wrong with entries that do not fit together; the first is told."""
+        yield from ()
+
 
 def point_field(default: Any, meaning: str) -> Any:
     """Declare a point or a shift [m]."""
@@ -186,6 +193,11 @@ def point_field(default: Any, meaning: str) -> Any:
 def extent(default: Any, meaning: str, low: float = 1e-7, high: float = LARGEST_APPARATUS) -> Any:
     """Declare an extent [m], positive and no larger than an apparatus unless its bounds are given."""
     return number(default, "m", meaning, low, high)
+
+
+def grain_diameter(default: Any, meaning: str) -> Any:
+    """Declare a diameter of grains [m]."""
+    return number(default, "m", meaning, SMALLEST_GRAIN, LARGEST_GRAIN)
 
 
 def direction(default: Any, meaning: str) -> Any:

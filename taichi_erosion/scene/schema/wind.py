@@ -1,12 +1,11 @@
 """Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
+from collections.abc import Iterator
 from typing import Literal
-
-from pydantic import model_validator
 
 from taichi_erosion.core.air_setup import Closure
 from taichi_erosion.core.setup import Coupling, DragLaw, Laws
-from taichi_erosion.scene.schema.fields import FARTHEST, Section, contradiction, entry, extent, number
+from taichi_erosion.scene.schema.fields import FARTHEST, Section, entry, extent, number
 
 Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
@@ -57,11 +56,9 @@ class Wind(Section):
     )
     through_flow: float = number(0.0, "m s-1", "superficial velocity of air up the bed", -100.0, 100.0)
 
-    @model_validator(mode="after")
-    def _check_order_of_entries(self) -> "Wind":
+    def contradictions(self) -> Iterator[str]:
         if self.surface is not None and self.surface >= self.height:
-            raise contradiction("surface must lie below height: the lid is inside the bed")
-        return self
+            yield "surface must lie below height: the lid is inside the bed"
 
 
 class Threshold(Section):
