@@ -127,8 +127,7 @@ def eliminate_terms(fit: Fit) -> Fit:
     while True:
         parent_terms = set[Term]().union(*(lower_order_terms(term) for term in fit.terms))
         p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
-        pairs = zip(p.tolist(), fit.terms, strict=True)
-        removable = (pair for pair in pairs if pair[1] not in parent_terms)
+        removable = (pair for pair in zip(p.tolist(), fit.terms, strict=True) if pair[1] not in parent_terms)
         worst, leaving = max(removable, key=lambda pair: pair[0], default=(0.0, ()))
         if not worst > STAY:
             return fit

@@ -188,8 +188,7 @@ def side_angle(across: Floats, top: Floats, diameter: float, window: tuple[float
     chosen = np.flatnonzero(flank <= window[1])
     if chosen.size < OUTLINE_BINS:
         return None
-    slope = np.polyfit((chosen + 0.5) * diameter, flank[chosen], 1)[0]
-    return degrees(atan(-slope))
+    return degrees(atan(-np.polyfit((chosen + 0.5) * diameter, flank[chosen], 1)[0]))
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ class Disc(Section):
     """Thin round plate, or a ring."""
 
     later = ("hole",)
-
     shape: Literal["disc"]
     material: Name
     centre: Vector = fields.point_field(ORIGIN, "centre")

@@ -22,7 +22,6 @@ class Monodisperse(Section):
     """All grains alike."""
 
     in_metres_only = True
-
     law: Literal["monodisperse"]
     diameter: float = fields.grain_diameter(..., "grain diameter")
 
@@ -31,7 +30,6 @@ class Lognormal(Section):
     """Numbers of grains distributed lognormally, cut at both ends."""
 
     in_metres_only = True
-
     law: Literal["lognormal"]
     median: float = fields.grain_diameter(..., "median by number, before truncation")
     sigma_log: float = number(..., "1", "standard deviation of ln diameter", 0.0, 2.0)
@@ -50,7 +48,6 @@ class Sieve(Section):
     """
 
     in_metres_only = True
-
     law: Literal["sieve"]
     table: Name | None = entry(None, "name of a shipped sieve table")
     rows: tuple[SieveRow, ...] = number((), "m, m, any mass", "size classes: low, high, mass", 0.0, MOST_MASS)
@@ -124,7 +121,6 @@ class Grains(Section):
         json_schema_extra={"oneOf": [{"required": ["size", "material"]}, {"required": ["kinds"]}]}
     )
     later = ("kinds",)
-
     count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
     kinds: dict[Name, Kind] = entry(
         {}, "kinds of grains by their names under [materials], in place of size and material"
@@ -249,7 +245,6 @@ class GrainStart(Section):
 
     in_metres_only = True
     later = ("kind",)
-
     position: Vector = point_field(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
@@ -342,7 +337,6 @@ class Pour(Inlet):
     """Grains pass one inlet, or several."""
 
     later = ("begin", "share", "kind", "inlets")
-
     law: Literal["pour"]
     inlets: dict[Name, Inlet] = entry({}, "inlets by names, in place of one")
 

@@ -94,7 +94,6 @@ class Movement(fields.Section):
     """Rigid motion of a surface during a stage."""
 
     later = ("table", "axis", "fastest")
-
     velocity: Vector = number(ORIGIN, "m s-1", "velocity", -fields.FASTEST, fields.FASTEST)
     spin: Vector = number(ORIGIN, "rad s-1", "angular velocity", -1e4, 1e4)
     centre: Vector = point_field(ORIGIN, "a point of the spin axis, also of a torque")
@@ -127,7 +126,6 @@ class Stage(fields.Section):
     """One act of the experiment; changes happen at its beginning."""
 
     later = ("steady_air",)
-
     name: Name = Field(description="name by which measures refer to it")
     until: Literal["rest", "time", "threshold"] = entry(
         "rest", "rest: when grains rest; time: after duration_max; threshold: when thresholds are found"
@@ -161,7 +159,6 @@ class Measure(fields.Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
     later = ("plane_normal", "walls", "axis", "centre")
-
     stage: Name | None = entry(None, "stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
@@ -205,7 +202,6 @@ class Scene(fields.SceneFile):
     """One physical situation."""
 
     later = ("domain",)
-
     scene: Head
     conditions: Conditions = Conditions()
     run: Run = Run()

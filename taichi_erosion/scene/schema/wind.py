@@ -71,7 +71,6 @@ class Threshold(Section):
     """
 
     later = ("steady_air", "landings")
-
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
     first: float | None = number(
