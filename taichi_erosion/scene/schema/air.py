@@ -11,12 +11,10 @@ from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, ClosureCons
 from taichi_erosion.scene.schema import fields
 from taichi_erosion.scene.schema.conditions import Conditions
 from taichi_erosion.scene.schema.fields import Name, SceneFile, Section, Vector
-from taichi_erosion.scene.schema.scene import Measured
+from taichi_erosion.scene.schema.scene import LONGEST, Measured
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
-LONGEST = 1e5  # longest run [s]
 COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1]
-Counts = tuple[int, int, int]
 
 
 class AirSection(Section):
@@ -96,7 +94,7 @@ class AirBox(AirSection):
     """The box, the fluid, the closure."""
 
     extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
-    cells: Counts = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
+    cells: tuple[int, int, int] = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
     lowest: float | None = fields.number(None, "m", "height of the lowest cells; left out: equal", 1e-7, 1e4)
     both_ends: bool = fields.entry(False, "whether cells are fine at the lid too")
     density: float = fields.number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)

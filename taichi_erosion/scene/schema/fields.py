@@ -5,6 +5,7 @@ means a radius of nine nominal grain diameters; the suffix serves every quantity
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -37,6 +38,24 @@ LARGEST_APPARATUS = 3.0  # likewise walls, fills and patches whose grains are fo
 SMALLEST_GRAIN = 1e-6  # smaller grains are no longer moved by contact and weight alone [m]
 LARGEST_GRAIN = 0.05  # larger ones are taken for a wrong unit; wind moves none of them [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
+
+
+@dataclass(frozen=True)
+class PhysicalRange:
+    """Possible and usual values of a quantity, ends included."""
+
+    unit: str
+    low: float
+    high: float
+    usual: tuple[float, float] | None = None
+
+    def is_possible(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def is_usual(self, value: float) -> bool:
+        """Whether a value is possible and, where a usual range is known, within it; zero always is."""
+        low, high = self.usual or (self.low, self.high)
+        return self.is_possible(value) and (low <= value <= high or value == 0.0)
 
 
 def contradiction(message: str) -> PydanticCustomError:

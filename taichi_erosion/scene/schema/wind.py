@@ -7,7 +7,6 @@ from taichi_erosion.core.air_setup import Closure
 from taichi_erosion.core.setup import Coupling, DragLaw, Laws
 from taichi_erosion.scene.schema.fields import FARTHEST, Section, entry, extent, number
 
-Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
 COLUMNS_LEAST = 4  # in each direction of a grid: fewer carry no wave
 LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind [s]
@@ -29,7 +28,7 @@ class Wind(Section):
     density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
     drag: DragLaw = entry(Laws.drag, "law of drag on a grain")
-    columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
+    columns: tuple[int, int] = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
     closure: Closure = entry(
         "mixing_length", "turbulence closure; smagorinsky, or none, lets a grid have eddies"
     )
