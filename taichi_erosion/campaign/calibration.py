@@ -5,7 +5,6 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import pandas as pd
@@ -31,7 +30,6 @@ from taichi_erosion.scene.schema.geometry import Mesh
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
 STEPS: tuple[Step, ...] = get_args(Step)
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 LAST_STEP = {"screen": "run", "climb": "climb", "surface": "surface", "confirm": "confirm"}  # by stage
 TABLES = (*(f"{stage}.csv" for stage in STAGES), "runs.csv")
 DIGITS = 6  # of a calibrated number
@@ -53,7 +51,7 @@ class Calibration:
 def calibrate(
     path: Path,
     until: Step = "confirm",
-    overrides: Mapping[str, Any] = NOTHING,
+    overrides: Mapping[str, Any] | None = None,
     progress: Report | None = None,
     function: str = SIMULATE,
     force: bool = False,
@@ -73,7 +71,7 @@ def calibrate(
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
         ledger = open_ledger(file.folder)
-        workers = file.study.campaign.model_copy(update=overrides)
+        workers = file.study.campaign.model_copy(update=overrides or {})
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
         runner = DesignRunner(file, ledger, workers, progress, function, stages)
         try:
@@ -196,9 +194,8 @@ def optimum_document(optimisation: Optimisation) -> Document:
         predicted = {name: asdict(one) for name, one in optimum.predictions.items()}
         numbers = {"settings": optimum.settings, "desirability": optimum.desirability}
         optima.append(numbers | {"predicted": predicted})
-    reach = {name: asdict(one) for name, one in optimisation.reach.items()}
-    verdict = {"met": optimisation.is_met, "sentences": list(optimisation.sentences)}
-    return {"optima": optima, "reach": reach, **verdict}
+    document = {"optima": optima, "reach": {name: asdict(one) for name, one in optimisation.reach.items()}}
+    return document | {"met": optimisation.is_met, "sentences": list(optimisation.sentences)}
 
 
 def calibrated_scene_path(file: CalibrationStudy, scene: Path) -> Path:

@@ -98,8 +98,7 @@ def run_design(runner: DesignRunner, stage: str, design: designs.Design) -> desi
 
 def add_unvaried_settings(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
     """Value of every parameter of the study; one that a design does not vary stays at its centre."""
-    centres = {path: 0.5 * (entry.low + entry.high) for path, entry in file.study.parameters.items()}
-    return centres | settings
+    return {path: 0.5 * (entry.low + entry.high) for path, entry in file.study.parameters.items()} | settings
 
 
 def scene_overrides(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:

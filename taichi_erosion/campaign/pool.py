@@ -124,7 +124,6 @@ class Pool:
         (self.processes[executor],) = set(multiprocessing.active_children()) - before
 
     def submit_batch(self, batch: Batch) -> None:
-        """Send a batch to a free worker."""
         if self.client:  # a task of its own, even if its payload is not
             future = self.client.get_executor(pure=False).submit(run_on_dask, self.function, batch)
             self.in_flight[future] = batch, None

@@ -13,7 +13,7 @@ from math import comb, isnan, nan
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
@@ -21,7 +21,7 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.load import error_lines, fault_lines, first_error_line, lists_to_tuples, read_toml
 from taichi_erosion.scene.paths import DIALECT
-from taichi_erosion.scene.schema.fields import Name, Section, contradiction, entry, number
+from taichi_erosion.scene.schema.fields import Name, Section, entry, number
 
 UNIT, UNIT_OF_PARAMETER = "unit of the observable", "unit of the parameter"
 LARGEST = 1e30  # numbers beyond it are taken for a slip
@@ -70,11 +70,9 @@ class ObservableEntry(Section):
         False, "the laboratory's heap has as many grains as the scene's: a small one is no fault"
     )
 
-    @model_validator(mode="after")
-    def _require_positive_floor(self) -> "ObservableEntry":
+    def contradictions(self) -> Iterator[str]:
         if self.transform == "log_floor" and not self.floor:
-            raise contradiction("transform = 'log_floor' needs floor = the least value seen, above 0")
-        return self
+            yield "transform = 'log_floor' needs floor = the least value seen, above 0"
 
 
 class ParameterEntry(Section):
@@ -95,15 +93,13 @@ class ParameterEntry(Section):
     also: tuple[str, ...] = entry((), "paths that take the same value in a designed run")
     published: str = Field("", max_length=400, description="what a publication says of it")
 
-    @model_validator(mode="after")
-    def _require_order(self) -> "ParameterEntry":
+    def contradictions(self) -> Iterator[str]:
         if not self.low < self.high:
-            raise contradiction(f"low = {self.low:g} is not below high = {self.high:g}")
+            yield f"low = {self.low:g} is not below high = {self.high:g}"
         if not isnan(self.start) and not self.low <= self.start <= self.high:
-            raise contradiction(f"start = {self.start:g} lies outside [{self.low:g}, {self.high:g}]")
+            yield f"start = {self.start:g} lies outside [{self.low:g}, {self.high:g}]"
         if not self.limits[0] <= self.low < self.high <= self.limits[1]:
-            raise contradiction(f"the limits {self.limits} must hold [{self.low:g}, {self.high:g}]")
-        return self
+            yield f"the limits {self.limits} must hold [{self.low:g}, {self.high:g}]"
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -193,16 +189,14 @@ class DesignSizes(Section):
     confirm: int = number(5, "1", "fresh seeds at the optimum", 2, 10_000)
     record: Literal["none", "confirm", "all"] = entry("none", "runs whose recordings are kept")
 
-    @model_validator(mode="after")
-    def _refuse_entries_of_other_design(self) -> "DesignSizes":
+    def contradictions(self) -> Iterator[str]:
         for key, design in (("surface_axial", "central_composite"), ("surface_runs", "latin_hypercube")):
             if key in self.model_fields_set and self.surface != design:
-                raise contradiction(f"{key} needs surface = '{design}'; it is '{self.surface}'")
+                yield f"{key} needs surface = '{design}'; it is '{self.surface}'"
         fewest = comb(self.surface_factors + 2, 2)  # coefficients of a full quadratic
         if self.hypercube_runs < fewest:
             words = f"a quadratic in {self.surface_factors} factors needs at least {fewest}"
-            raise contradiction(f"surface_runs = {self.surface_runs}; {words}")
-        return self
+            yield f"surface_runs = {self.surface_runs}; {words}"
 
     @property
     def hypercube_runs(self) -> int:
@@ -238,28 +232,26 @@ class StudyFile(Section):
     design: DesignSizes = DesignSizes()
     campaign: WorkersEntry = WorkersEntry()
 
-    @model_validator(mode="after")
-    def _require_known_names(self) -> "StudyFile":
+    def contradictions(self) -> Iterator[str]:
         for place, ranges in (("vault", self.vault.ranges), ("laboratory", self.laboratory.ranges)):
             for name, (low, high) in ranges.items():
                 if name not in self.conditions:
-                    raise contradiction(f"{place}.ranges.{name} is not under [conditions]")
+                    yield f"{place}.ranges.{name} is not under [conditions]"
                 if low > high:
-                    raise contradiction(f"{place}.ranges.{name} = [{low:g}, {high:g}] is empty")
+                    yield f"{place}.ranges.{name} = [{low:g}, {high:g}] is empty"
         for place, named in (("laboratory.costs", self.laboratory.costs), ("targets", self.targets)):
             for name in named:
                 if name not in self.observables:
-                    raise contradiction(f"{place}.{name} is not under [observables]")
-        return self
+                    yield f"{place}.{name} is not under [observables]"
+        yield from self.answer_contradictions()
 
-    @model_validator(mode="after")
-    def _require_scene_of_observables(self) -> "StudyFile":
+    def answer_contradictions(self) -> Iterator[str]:
+        """Observables that nothing answers, or both a scene and the model."""
         for name, observable in self.observables.items():
             is_missing = observable.scene is None
             if is_missing == (self.study.model is None):
                 word = "missing, as is study.model" if is_missing else "given, and study.model too"
-                raise contradiction(f"observables.{name}.scene is {word}; exactly one must answer")
-        return self
+                yield f"observables.{name}.scene is {word}; exactly one must answer"
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,10 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design import SAME_POINT
 from taichi_erosion.experiments.fit import EXACT, Fit, Term, lower_order_terms, model_matrix
 
+STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backward elimination [1]
+CONFIDENCE = 0.95  # [1]
+Error = tuple[float, int]  # mean square and degrees of freedom, where not those of the fit
+
 
 @dataclass(frozen=True)
 class Row:
@@ -118,24 +122,16 @@ def curvature_test(fit: Fit) -> Curvature | None:
     return Curvature(difference, row.sum_of_squares, row.f, row.p, int(bent.df_resid), error)
 
 
-STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backward elimination [1]
-
-
 def eliminate_terms(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
     while True:
         parent_terms = set[Term]().union(*(lower_order_terms(term) for term in fit.terms))
         p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
-        pairs = zip(p.tolist(), fit.terms, strict=True)
-        removable = (pair for pair in pairs if pair[1] not in parent_terms)
+        removable = (pair for pair in zip(p.tolist(), fit.terms, strict=True) if pair[1] not in parent_terms)
         worst, leaving = max(removable, key=lambda pair: pair[0], default=(0.0, ()))
         if not worst > STAY:
             return fit
         fit = replace(fit, terms=tuple(term for term in fit.terms if term != leaving))
-
-
-CONFIDENCE = 0.95  # [1]
-Error = tuple[float, int]  # mean square and degrees of freedom, where not those of the fit
 
 
 @dataclass(frozen=True)

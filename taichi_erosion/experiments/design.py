@@ -25,7 +25,28 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 
 PointKind = Literal["factorial", "edge", "axial", "centre", "path", "space", "added"]
+Part = tuple[PointKind, Floats]
+Axial = Literal["rotatable", "spherical", "faced"]
 SAME_POINT = 1e-9  # coded levels closer than this are one level; they come from decimal numbers [1]
+# first rows of the cyclic designs of Plackett & Burman (1946), by the number of runs; 28 runs are not cyclic
+CYCLES = {
+    4: "++-",
+    8: "+++-+--",
+    12: "++-+++---+-",
+    16: "++++-+-++--+---",
+    20: "++--++++-+-+----++-",
+    24: "+++++-+-++--++--+-+----",
+    32: "----+-+-+++-++---+++++--++-+--+",
+    36: "-+-+++---+++++-+++--+----+-+-++--+-",
+}
+# factors that are varied together, block by block, in the order of Box & Behnken (1960)
+TOGETHER = {
+    3: ("AB", "AC", "BC"),
+    4: ("AB", "CD", "AD", "BC", "AC", "BD"),
+    5: ("AB", "CD", "BE", "AC", "DE", "BC", "AD", "CE", "AE", "BD"),
+    6: ("ABD", "BCE", "CDF", "ADE", "BEF", "ACF"),
+    7: ("DEF", "AFG", "BEG", "ABD", "CDG", "ACE", "BCF"),
+}
 
 
 @dataclass(frozen=True)
@@ -100,12 +121,13 @@ def settings_at(factors: Sequence[Factor], coded: Floats) -> dict[str, float]:
 
 
 def stack_parts(
-    name: str, factors: Sequence[Factor], parts: Sequence[tuple[PointKind, Floats]], seed: int | None = None
+    name: str, factors: Sequence[Factor], parts: Sequence[Part], seed: int | None = None, centre: int = 0
 ) -> Design:
-    """A design of several parts, one below the other.
+    """A design of several parts, one below the other, and last as many runs in the centre.
 
     With a seed the runs are carried out in random order, without one in standard order.
     """
+    parts = [*parts, ("centre", np.zeros((centre, len(factors))))]
     coded = np.concatenate([points for _, points in parts])
     queue = np.arange(len(coded)) if seed is None else np.random.default_rng(seed).permutation(len(coded))
     kinds: tuple[PointKind, ...] = tuple(kind for kind, points in parts for _ in points)
@@ -126,36 +148,11 @@ def design_csv(design: Design) -> str:
     return table.to_csv(index=False, lineterminator="\n")
 
 
-# first rows of the cyclic designs of Plackett & Burman (1946), by the number of runs; 28 runs are not cyclic
-CYCLES = {
-    4: "++-",
-    8: "+++-+--",
-    12: "++-+++---+-",
-    16: "++++-+-++--+---",
-    20: "++--++++-+-+----++-",
-    24: "+++++-+-++--++--+-+----",
-    32: "----+-+-+++-++---+++++--++-+--+",
-    36: "-+-+++---+++++-+++--+----+-+-++--+-",
-}
-# factors that are varied together, block by block, in the order of Box & Behnken (1960)
-TOGETHER = {
-    3: ("AB", "AC", "BC"),
-    4: ("AB", "CD", "AD", "BC", "AC", "BD"),
-    5: ("AB", "CD", "BE", "AC", "DE", "BC", "AD", "CE", "AE", "BD"),
-    6: ("ABD", "BCE", "CDF", "ADE", "BEF", "ACF"),
-    7: ("DEF", "AFG", "BEG", "ABD", "CDG", "ACE", "BCF"),
-}
-
-
 def factorial_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
     from pyDOE3 import fullfact
 
     return 2.0 * np.asarray(fullfact([levels] * count), float) / (levels - 1) - 1.0
-
-
-Part = tuple[PointKind, Floats]
-Axial = Literal["rotatable", "spherical", "faced"]
 
 
 def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int | None = None) -> Design:
@@ -167,24 +164,21 @@ def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int
     first = np.array([1.0 if sign == "+" else -1.0 for sign in CYCLES[sizes[0]]])
     shifts = [np.roll(first, turn) for turn in range(len(first))]  # to the right; then a row of -1
     corners = np.array([*shifts, -np.ones(len(first))])[:, :count]
-    parts: list[Part] = [("factorial", corners), centre_point_part(count, centre_points)]
-    return stack_parts("Plackett-Burman", factors, parts, seed)
+    return stack_parts("Plackett-Burman", factors, [("factorial", corners)], seed, centre_points)
 
 
 def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | None = None) -> Design:
     """Quadratic response surface on the midpoints of the edges, in Design-Expert's standard order."""
     count = len(factors)
     if count not in TOGETHER:
-        allowed = f"{min(TOGETHER)} to {max(TOGETHER)}"
-        raise BadInput(f"Box-Behnken: {count} factors; allowed are {allowed}")
+        raise BadInput(f"Box-Behnken: {count} factors; allowed are {min(TOGETHER)} to {max(TOGETHER)}")
     blocks = []
     for letters in TOGETHER[count]:
         corners = factorial_points(len(letters), 2)
         block = np.zeros((len(corners), count))
         block[:, [ord(letter) - ord("A") for letter in letters]] = corners
         blocks.append(block)
-    parts: list[Part] = [("edge", np.concatenate(blocks)), centre_point_part(count, centre_points)]
-    return stack_parts("Box-Behnken", factors, parts, seed)
+    return stack_parts("Box-Behnken", factors, [("edge", np.concatenate(blocks))], seed, centre_points)
 
 
 def central_composite(
@@ -203,8 +197,8 @@ def central_composite(
     corners = factorial_points(count, 2)
     alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
     star = alpha * np.stack([-np.eye(count), np.eye(count)], axis=1).reshape(2 * count, count)
-    parts: list[Part] = [("factorial", corners), ("axial", star), centre_point_part(count, centre_points)]
-    return stack_parts("central composite", factors, parts, seed)
+    parts: list[Part] = [("factorial", corners), ("axial", star)]
+    return stack_parts("central composite", factors, parts, seed, centre_points)
 
 
 def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_points: int = 0) -> Design:
@@ -214,10 +208,9 @@ def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_poin
 
     Reference: McKay, Beckman & Conover (1979), Technometrics 21, 239.
     """
-    count = len(factors)
-    sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
-    points: Part = ("space", 2.0 * sampler.random(runs) - 1.0)
-    return stack_parts("Latin hypercube", factors, [points, centre_point_part(count, centre_points)], seed)
+    sampler = qmc.LatinHypercube(d=len(factors), optimization="random-cd", rng=np.random.default_rng(seed))
+    points = 2.0 * sampler.random(runs) - 1.0
+    return stack_parts("Latin hypercube", factors, [("space", points)], seed, centre_points)
 
 
 def steepest_ascent(
@@ -246,8 +239,3 @@ def steepest_ascent(
     natural = to_natural(factors, points)
     inside = np.all((natural >= bounds[:, 0] - slack) & (natural <= bounds[:, 1] + slack), axis=1)
     return stack_parts("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])
-
-
-def centre_point_part(count: int, repeats: int) -> Part:
-    """Repeats of the centre."""
-    return "centre", np.zeros((repeats, count))

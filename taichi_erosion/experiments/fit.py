@@ -42,8 +42,8 @@ EXACT = 1e-20  # share of the total sum of squares below which a residual is rou
 CERTAIN = 1e-9  # 1 - leverage below which a run is met whatever its value [1]
 R2_APART = 0.2  # most by which adjusted R^2 may exceed predicted R^2 [1]
 
-
 Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) is B^2
+Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros
 Order = Literal["linear", "interactions", "quadratic"]
 
 
@@ -181,9 +181,6 @@ def coefficient_table(fit: Fit) -> pd.DataFrame:
     return table if fit.df_error else table.assign(standard_error=nan, low=nan, high=nan, t=nan, p=nan)
 
 
-Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros
-
-
 def coded_polynomial(fit: Fit) -> Polynomial:
     """Coefficients in coded units."""
     constant = (0,) * len(fit.factors)
@@ -227,7 +224,6 @@ class Quality:
 
 
 def figures_of_merit(fit: Fit) -> Quality:
-    """Figures of merit of a fit."""
     total, df_total = fit.ss_total, len(fit.values) - 1
     sd = sqrt(fit.ms_error)
     mean = float(fit.values.mean())

@@ -26,6 +26,18 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design import factorial_points, settings_at
 from taichi_erosion.experiments.fit import Fit
 
+SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from search to search [1]
+PRECISION = {"ftol": 1e-16, "xtol": 1e-9, "gtol": 1e-10, "maxfun": 200}  # of a function of order 1
+NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
+SPREAD_STARTS, MANY_STARTS = 8, 128  # of a Sobol sequence, with the grid and in its place [1]
+MOST_GRID_STARTS = 81
+BEST_STARTS = 6  # from which the range of one model is sought [1]
+SOBOL_SEED = 0  # the starts between the grid points are the same in every search
+ALIKE = 1e-3  # searches that have come this close in coded levels go on as one [1]
+SEPARATE = 0.25  # optima closer than this in coded levels are one [1]
+MET = 1e-6  # desirability short of 1 that is rounding of the search [1]
+MOST_OPTIMA = 20
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -49,19 +61,6 @@ def goal_desirability(goal: Goal, value: Floats, softness: float = 0.0) -> Float
 def desirability(shares: Floats) -> Floats:
     """D of shares [points, goals]."""
     return np.prod(np.maximum(shares, 0.0) ** (1.0 / shares.shape[1]), axis=1)
-
-
-SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from search to search [1]
-PRECISION = {"ftol": 1e-16, "xtol": 1e-9, "gtol": 1e-10, "maxfun": 200}  # of a function of order 1
-NUDGE = 1e-5  # coded step of the central differences; exact for quadratics but for rounding [1]
-SPREAD_STARTS, MANY_STARTS = 8, 128  # of a Sobol sequence, with the grid and in its place [1]
-MOST_GRID_STARTS = 81
-BEST_STARTS = 6  # from which the range of one model is sought [1]
-SOBOL_SEED = 0  # the starts between the grid points are the same in every search
-ALIKE = 1e-3  # searches that have come this close in coded levels go on as one [1]
-SEPARATE = 0.25  # optima closer than this in coded levels are one [1]
-MET = 1e-6  # desirability short of 1 that is rounding of the search [1]
-MOST_OPTIMA = 20
 
 
 @dataclass(frozen=True)

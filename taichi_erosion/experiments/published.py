@@ -45,6 +45,15 @@ Kind = Literal[
     "target",  # not reached by the fitted surface
     "not judged",  # something that cannot be examined
 ]
+NUMBER = re.compile(
+    r"(?P<bound>[<>]?)\s*(?P<number>[+-]?(?:\d+\.?(?P<decimals>\d*)|\.(?P<bare>\d+))(?:[eE](?P<power>[+-]?\d+))?)"
+)
+HALF = 0.5 * (1.0 + 1e-6)  # of the last digit; a number that ends in 5 may be rounded either way [1]
+FEWEST_RUNS = 3
+MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
+ONE_LINE = 0.9999  # correlation of two columns that hold the same levels in two units, rounded [1]
+BRACKETED = re.compile(r"(?P<level>[^()]+?)\s*[(\uff08](?P<other>[^()]+)[)\uff09]")  # 0.6 (+1)
+LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 
 
 @dataclass(frozen=True)
@@ -58,12 +67,6 @@ class Finding:
     row: int = 0
     printed: str = ""
     found: float = nan
-
-
-NUMBER = re.compile(
-    r"(?P<bound>[<>]?)\s*(?P<number>[+-]?(?:\d+\.?(?P<decimals>\d*)|\.(?P<bare>\d+))(?:[eE](?P<power>[+-]?\d+))?)"
-)
-HALF = 0.5 * (1.0 + 1e-6)  # of the last digit; a number that ends in 5 may be rounded either way [1]
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,6 @@ def parse_printed(text: str) -> PrintedNumber | None:
 
 
 def parse_claim(value: Any) -> PrintedNumber:
-    """Number of a claim."""
     number = parse_printed(str(value))
     if number is None:
         raise ValueError("must be a number")
@@ -129,13 +131,6 @@ def read_claims(table: Path, file: Path | None = None) -> Claims:
         raise BadInput(f"{path}: {place} = {fault['input']!r}: {message}") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: {error}") from None
-
-
-FEWEST_RUNS = 3
-MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
-ONE_LINE = 0.9999  # correlation of two columns that hold the same levels in two units, rounded [1]
-BRACKETED = re.compile(r"(?P<level>[^()]+?)\s*[(\uff08](?P<other>[^()]+)[)\uff09]")  # 0.6 (+1)
-LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 
 
 @cache

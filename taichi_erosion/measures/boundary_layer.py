@@ -8,7 +8,8 @@ Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 9th ed., section
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import log
+from functools import partial
+from math import log, nan
 from typing import Any
 
 import numpy as np
@@ -101,7 +102,7 @@ def fit_log_profile(profile: Profile, karman: float) -> LogFit | None:
         return None
     line: Any = scipy.stats.linregress(np.log(profile.z[inside]), profile.speed[inside])
     slope, intercept = float(line.slope), float(line.intercept)
-    roughness = float(np.exp(-intercept / slope)) if slope > 0.0 else float("nan")
+    roughness = float(np.exp(-intercept / slope)) if slope > 0.0 else nan
     return LogFit(karman * slope, karman * float(line.stderr), roughness, int(inside.sum()))
 
 
@@ -117,17 +118,13 @@ class AirMeasureInput:
         return [wind_profile_at(state, self.place) for state in self.states]
 
 
-def measure_of_time_mean(
-    name: str, unit: str, number: Callable[[Profile], float]
-) -> Callable[[AirMeasureInput], Measurement]:
-    """Measure of the mean of one number over the states; `sd` is its standard deviation over them."""
-
-    def measure_time_mean(air: AirMeasureInput) -> Measurement:
-        values = [number(profile) for profile in air.wind_profiles]
-        sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-        return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
-
-    return measure_time_mean
+def mean_over_time(
+    name: str, unit: str, number: Callable[[Profile], float], air: AirMeasureInput
+) -> Measurement:
+    """Mean of one number over the states; `sd` is its standard deviation over them."""
+    values = [number(profile) for profile in air.wind_profiles]
+    sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return Measurement(name, float(np.mean(values)), sd, unit, details={"values": values})
 
 
 def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
@@ -139,19 +136,18 @@ def friction_velocity_fit(air: AirMeasureInput) -> Measurement:
     values = [fit.friction_velocity for fit in fits]
     spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
     details = {"roughness_length": fits[-1].roughness_length, "points": fits[-1].points}
-    sd = max(spread, fits[-1].error)
-    return Measurement(name, float(np.mean(values)), sd, "m s-1", details=details)
+    return Measurement(name, float(np.mean(values)), max(spread, fits[-1].error), "m s-1", details=details)
 
 
 # speed_least: in a cavity, how fast the air returns
 AIR_OBSERVABLES: dict[str, Callable[[AirMeasureInput], Measurement]] = {
-    "layer_thickness": measure_of_time_mean("layer_thickness", "m", boundary_layer_thickness),
-    "displacement_thickness": measure_of_time_mean("displacement_thickness", "m", displacement_thickness),
-    "momentum_thickness": measure_of_time_mean("momentum_thickness", "m", momentum_thickness),
-    "friction_velocity": measure_of_time_mean("friction_velocity", "m s-1", lambda p: p.friction_velocity),
+    "layer_thickness": partial(mean_over_time, "layer_thickness", "m", boundary_layer_thickness),
+    "displacement_thickness": partial(mean_over_time, "displacement_thickness", "m", displacement_thickness),
+    "momentum_thickness": partial(mean_over_time, "momentum_thickness", "m", momentum_thickness),
+    "friction_velocity": partial(mean_over_time, "friction_velocity", "m s-1", lambda p: p.friction_velocity),
     "friction_velocity_fit": friction_velocity_fit,
-    "wind_aloft": measure_of_time_mean("wind_aloft", "m s-1", lambda p: p.wind_aloft),
-    "speed_least": measure_of_time_mean("speed_least", "m s-1", lambda p: float(p.speed.min())),
+    "wind_aloft": partial(mean_over_time, "wind_aloft", "m s-1", lambda p: p.wind_aloft),
+    "speed_least": partial(mean_over_time, "speed_least", "m s-1", lambda p: float(p.speed.min())),
 }
 
 

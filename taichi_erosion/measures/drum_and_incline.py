@@ -60,8 +60,7 @@ def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Tri
     across = np.cross(axis, (0.0, 0.0, 1.0))
     offset = frame.position - np.asarray(centre)
     column = np.floor(offset @ across / diameter).astype(np.int64)
-    middle = np.abs((column + 0.5) * diameter) <= MIDDLE_SHARE * drum_radius
-    chosen = middle & (frame.contacts > 0)
+    chosen = (np.abs((column + 0.5) * diameter) <= MIDDLE_SHARE * drum_radius) & (frame.contacts > 0)
     if not chosen.any():
         return None
     slice_ = np.floor(offset @ np.asarray(axis) / diameter).astype(np.int64)[chosen]

@@ -25,8 +25,6 @@ COLUMN_TOP_SHARE = 0.05  # of the grains, averaged for the column height [1]
 RADIUS_SHARE = 0.9  # of the grains inside radius_90 [1]
 OUTLINE_AZIMUTHS = np.radians(np.arange(0.0, 180.0, 15.0))
 OUTLINE_BINS = 3  # fewest that carry a line [1]
-
-
 SHORTEST_FLANK = 3.0  # diameters of outline that carry a line [1]; lab_C asks for three bins of one diameter
 FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selection [1]
 INDEPENDENT_TURN = 60.0  # deg of azimuth between silhouettes that share no grains; see `spread`
@@ -190,8 +188,7 @@ def side_angle(across: Floats, top: Floats, diameter: float, window: tuple[float
     chosen = np.flatnonzero(flank <= window[1])
     if chosen.size < OUTLINE_BINS:
         return None
-    slope = np.polyfit((chosen + 0.5) * diameter, flank[chosen], 1)[0]
-    return degrees(atan(-slope))
+    return degrees(atan(-np.polyfit((chosen + 0.5) * diameter, flank[chosen], 1)[0]))
 
 
 @dataclass(frozen=True)

@@ -252,8 +252,7 @@ def detect_heap(path: Path, grey: Grey, background: Background, threshold: float
     flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
     if not any(flanks):
         raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
-    visibility = "not seen" if line is None else "seen"
-    return Detection(body, threshold, side, visibility, tilt, outline, flanks)
+    return Detection(body, threshold, side, "seen" if line else "not seen", tilt, outline, flanks)
 
 
 @dataclass(frozen=True)

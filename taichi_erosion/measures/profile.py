@@ -59,8 +59,7 @@ def angle_height_and_radius(place: Floats, height: Floats, grain: float = 0.0) -
             raise BadInput(f"ends {heights[-1]:.3g} m above 0; heights count from the plate down to the foot")
         flank = attached & (heights <= high) & (np.arange(heights.size) >= np.argmax(heights))
         if flank.sum() >= OUTLINE_BINS:
-            slope = fit_polynomial(distance[flank], heights[flank], 1).coefficients[1]
-            angles.append(degrees(atan(-slope)))
+            angles.append(degrees(atan(-fit_polynomial(distance[flank], heights[flank], 1).coefficients[1])))
         ring = 0.5 * (heights[1:] * distance[1:] + heights[:-1] * distance[:-1]) * np.diff(distance)
         volume = np.append(0.0, np.cumsum(ring))
         radii.append(float(np.interp(RADIUS_SHARE * volume[-1], volume, distance)))

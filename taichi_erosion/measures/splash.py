@@ -63,8 +63,7 @@ def count_splash_events(frames: Sequence[Snapshot], patch: Patch, gravity: float
                 bounced.append(after.start if after is not None and follows else (nan, nan))
             if after is not None and not follows and after.takeoff >= times[0] + gap:
                 ejected += 1
-    pair = (-1, 2)
-    return Splash(np.array(impacts).reshape(pair), np.array(bounced).reshape(pair), ejected)
+    return Splash(np.array(impacts).reshape(-1, 2), np.array(bounced).reshape(-1, 2), ejected)
 
 
 def grain_flights(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:

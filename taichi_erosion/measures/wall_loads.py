@@ -99,8 +99,7 @@ def residual_friction_angle(loads: Sequence[Floats], axis: Floats) -> Measuremen
         return no_measurement(name, "deg", peak)
     rest = len(loads) - len(loads) // 4
     mean = mean_by_block(name, (peak.across[rest:] / max(peak.normal[rest:].mean(), TINY)).tolist(), "deg")
-    error = degrees(mean.sd / (1.0 + mean.value**2))
-    return replace(mean, value=degrees(atan(mean.value)), sd=error)
+    return replace(mean, value=degrees(atan(mean.value)), sd=degrees(mean.sd / (1.0 + mean.value**2)))
 
 
 def value_at_peak(name: str, loads: Sequence[Floats], axis: Floats, area: float) -> Measurement:

@@ -195,8 +195,7 @@ def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) 
         parts = (begin, *np.array_split(mean[first:], 2))
         return max(abs(float(part.mean()) - 1.0) for part in parts)
 
-    balanced = (k for k in admissible if departure_from_steady(k) <= BALANCE)
-    first = next(balanced, None)
+    first = next((k for k in admissible if departure_from_steady(k) <= BALANCE), None)
     first = min(admissible, key=departure_from_steady) if first is None else first
     lacking = unsteady_shortfalls(times[-1], length, departure_from_steady(first), BALANCE)
     return Window(first, float(times[first]), float(mean[first:].mean()), tuple(lacking))

@@ -19,27 +19,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, sure_and_group, worst_places
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, in_words, interval
-from taichi_erosion.report.figure_style import (
-    AFTER,
-    BEFORE,
-    CONTROL,
-    INK,
-    PANEL,
-    PAPER,
-    SOFT,
-    WIDE,
-    Floats,
-    Picture,
-    panels,
-    responsive_picture,
-    set_axis_scale,
-    single_panel_figure,
-)
+from taichi_erosion.report import figure_style
+from taichi_erosion.report.figure_style import AFTER, BEFORE, CONTROL, INK, PANEL, PAPER, SOFT, WIDE, Picture
 from taichi_erosion.tables.number_words import heading
 
 MODELS = {"before": BEFORE, "after": AFTER}
@@ -123,7 +110,7 @@ def observable_picture(record: Record, voc: Vocabulary, observable: str, axis: s
 
     def draw(width: float) -> Figure:
         columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
-        figure, (values, residuals) = panels(2, columns, (width / columns, share * PANEL[1]))
+        figure, (values, residuals) = figure_style.panels(2, columns, (width / columns, share * PANEL[1]))
         values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
         draw_points(values, points)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
@@ -131,16 +118,16 @@ def observable_picture(record: Record, voc: Vocabulary, observable: str, axis: s
             values.plot(x, points[name], "_", ms=9.0, mew=1.8, color=MODELS[name], label=label)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
         for frame, title in ((values, in_words(observable)), (residuals, page_words.RESIDUAL)):
-            set_axis_scale(frame, "x", x)
+            figure_style.set_axis_scale(frame, "x", x)
             frame.set_xlabel(heading(in_words(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
-        set_axis_scale(values, "y", plotted)
+        figure_style.set_axis_scale(values, "y", plotted)
         return figure
 
     words = {"observable": in_words(observable), "axis": in_words(axis or "rows")}
     caption = page_words.CAPTIONS["rows"].format(**words)
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
-    return responsive_picture(draw, caption, f"rows{number}", texts)
+    return figure_style.responsive_picture(draw, caption, f"rows{number}", texts)
 
 
 def rows_by_mark(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -166,7 +153,8 @@ def draw_points(frame: Axes, points: pd.DataFrame) -> None:
 def labelled_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
     """Frame with a line for every label, the first on top, and their heights."""
     names = [fill(label, int(LETTERS * width)) for label in labels]
-    figure, frame = single_panel_figure(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
+    lines = sum(name.count("\n") + 1 for name in names)
+    figure, frame = figure_style.single_panel_figure(width, MARGIN + LINE * lines)
     at = np.arange(len(names), dtype=np.float64)[::-1]
     frame.set_yticks(at, names)
     frame.set_ylim(-0.6, len(names) - 0.4)
@@ -192,7 +180,7 @@ def posterior_picture(record: Record) -> Picture:
         frame.set(xlim=(0.0, 1.15), xticks=[0.0, 0.5, 1.0], xlabel="probability")
         return figure
 
-    return responsive_picture(draw, page_words.CAPTIONS["posterior"], "posterior")
+    return figure_style.responsive_picture(draw, page_words.CAPTIONS["posterior"], "posterior")
 
 
 def strength_picture(record: Record) -> Picture:
@@ -217,7 +205,7 @@ def strength_picture(record: Record) -> Picture:
         frame.set_xlabel("strength")
         return figure
 
-    return responsive_picture(draw, page_words.CAPTIONS["strengths"], "strengths")
+    return figure_style.responsive_picture(draw, page_words.CAPTIONS["strengths"], "strengths")
 
 
 def calibrated_number_picture(record: Record) -> Picture:
@@ -225,7 +213,7 @@ def calibrated_number_picture(record: Record) -> Picture:
     is_told = bool(page_words.added_effects_text(record))
 
     def draw(width: float) -> Figure:
-        figure, frames = panels(len(record.parameters), 1, (width, 0.75))
+        figure, frames = figure_style.panels(len(record.parameters), 1, (width, 0.75))
         for frame, (path, part) in zip(frames, record.parameters.items(), strict=True):
             frame.axvline(part.start, color=SOFT, lw=0.8, ls=":")
             draw_interval(frame, 1.0, part.before, BEFORE)
@@ -237,7 +225,7 @@ def calibrated_number_picture(record: Record) -> Picture:
             frame.set_title(path, loc="left")
         return figure
 
-    return responsive_picture(draw, page_words.CAPTIONS["numbers"], "numbers")
+    return figure_style.responsive_picture(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
 def draw_intervals(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
@@ -251,7 +239,7 @@ def draw_intervals(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str
     frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
     style: dict[str, Any] = MARKS | {"color": AFTER, "mfc": AFTER}
     frame.plot(x, value, gid=f"rows:{name}", **style)
-    set_axis_scale(frame, "x", x)
+    figure_style.set_axis_scale(frame, "x", x)
 
 
 def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture]:
@@ -266,7 +254,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
         x = np.array([voc.units.condition(axis, dose.conditions[axis]) for dose in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
-            figure, frame = single_panel_figure(width, PANEL[1])
+            figure, frame = figure_style.single_panel_figure(width, PANEL[1])
             draw_intervals(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
@@ -274,7 +262,7 @@ def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture
             return figure
 
         caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
-        yield responsive_picture(draw, caption, f"doses{number}", texts)
+        yield figure_style.responsive_picture(draw, caption, f"doses{number}", texts)
 
 
 def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
@@ -290,14 +278,14 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     ]
 
     def draw(width: float) -> Figure:
-        figure, frame = single_panel_figure(width, PANEL[1])
+        figure, frame = figure_style.single_panel_figure(width, PANEL[1])
         draw_intervals(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
         frame.set_xlabel(heading(in_words(axis), voc.units.condition_unit(axis)))
         frame.set_title(heading(f"{change} of the {in_words(name)}", unit), loc="left")
         return figure
 
     caption = page_words.CAPTIONS["curves"].format(observable=in_words(name), axis=in_words(axis))
-    return responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
+    return figure_style.responsive_picture(draw, caption, f"curves{number}", {"curves": texts})
 
 
 def misfit_before_after_picture(record: Record) -> Picture:
@@ -315,8 +303,8 @@ def misfit_before_after_picture(record: Record) -> Picture:
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for values, face in ((fitted, INK), (unseen, PAPER)):
             frame.plot(values, at, "o", color=INK, mfc=face, ms=6.0)
-        set_axis_scale(frame, "x", np.append(np.concatenate([fitted, unseen]), 1.0))
+        figure_style.set_axis_scale(frame, "x", np.append(np.concatenate([fitted, unseen]), 1.0))
         frame.set_xlabel("misfit per row")
         return figure
 
-    return responsive_picture(draw, page_words.CAPTIONS["ladder"], "ladder")
+    return figure_style.responsive_picture(draw, page_words.CAPTIONS["ladder"], "ladder")

@@ -57,16 +57,13 @@ def write_page_and_pictures(calibration: Calibration) -> Path:
         folder.write_file(f"{PICTURES}/{name}.png", as_png(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     assert calibration.surface is not None
-    document = calibration.document
-    targets = calibration.file.study.targets
-    sizes = calibration.file.study.design
-    tests = document["confirm"]["tests"]
-    runs = calibration.surface.design
+    document, study, runs = calibration.document, calibration.file.study, calibration.surface.design
+    targets, tests = study.targets, document["confirm"]["tests"]
     names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
-    design = names.get(sizes.surface, f"Central composite design ({sizes.surface_axial})")
+    design = names.get(study.design.surface, f"Central composite design ({study.design.surface_axial})")
     text = pages.get_template(PAGE_TEMPLATE).render(
         file=calibration.file,
-        study=calibration.file.study,
+        study=study,
         document=document,
         leading=next(iter(targets)),
         design=f"{design} of {len(runs)} runs, {runs.kinds.count('centre')} of them at the centre",
@@ -155,7 +152,6 @@ def four_digit_text(value: float) -> str:
 
 
 def variance_table(calibration: Calibration, name: str) -> Cells:
-    """Analysis of variance."""
     anova = calibration.document["surface"]["responses"][name]["anova"]
     rows = [(row["label"], *(four_digit_text(row[key]) for key in VARIANCE)) for row in anova]
     return ("source", "sum of squares", "df", "mean square", "F", "p"), rows

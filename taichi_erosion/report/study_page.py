@@ -94,8 +94,7 @@ def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[C
     Raises BadInput where none says what is missing.
     """
     folder = folder_of(study)
-    replies = {}
-    age = {}
+    replies, age = {}, {}
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
             replies[command] = reply

@@ -258,8 +258,7 @@ def roughness_and_step_problems(scene: AirScene) -> Iterator[str]:
     for name, lowest in (("z_low", layers[1]), ("z_high", scene.air.extents[2] - layers[-2])):
         side = scene.air.sides[name]
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
-            length = side.roughness_length
-            yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
+            yield f"air.sides.{name}.roughness_length = {side.roughness_length:g} m exceeds half a cell there"
     step, longest = air.run_time_step(scene), air.stable_step(scene)
     if step > longest * (1.0 + 1e-9):
         reason = "lets wind or diffusion cross more than a cell (CFL)"

@@ -26,6 +26,7 @@ from taichi_erosion.scene.schema.scene import Scene
 
 S = TypeVar("S", Scene, AirScene)
 FileKind = Literal["table", "study", "scene"]
+SIZES: TypeAdapter[Size] = TypeAdapter(Size)
 
 INSTALLED, SOURCE = Path(__file__).parent / "shipped", Path(__file__).parents[2] / "scenes"
 SCENES = INSTALLED if INSTALLED.is_dir() else SOURCE  # folder of the scenes that come with the program
@@ -54,14 +55,11 @@ LONGEST_VALUE = 60  # characters of a value that a message repeats
 SENTENCES = {  # by kind of error; pydantic tells the others
     "finite_number": "must be a finite number",
     "float_type": "must be a number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
+    **dict.fromkeys(("int_type", "int_from_float"), "must be a whole number"),
     "bool_type": "must be true or false",
     "string_type": "must be text in quotes",
     "tuple_type": "must be a list",
-    "dict_type": "must be a table",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
     "string_pattern_mismatch": "must be a name of letters, digits and _ (a contact: two names joined by -)",
 }
 
@@ -260,9 +258,6 @@ def printable_line(text: str) -> str:
     """Printable text without line breaks, at most LONGEST_VALUE characters."""
     clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_VALUE + 1])
     return clean if len(clean) <= LONGEST_VALUE else clean[: LONGEST_VALUE - 3] + "..."
-
-
-SIZES: TypeAdapter[Size] = TypeAdapter(Size)
 
 
 def lists_to_tuples(value: Any) -> Any:

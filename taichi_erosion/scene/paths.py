@@ -4,7 +4,6 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache, reduce
 from math import inf
 from operator import or_
@@ -16,7 +15,7 @@ from pydantic import TypeAdapter
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import DIAMETERS
+from taichi_erosion.scene.schema.fields import DIAMETERS, PhysicalRange
 from taichi_erosion.scene.schema.scene import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -118,15 +117,6 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
             yield from options(schema, other)
 
 
-@dataclass(frozen=True)
-class NumberEntry:
-    """A number of a scene: its unit and its range, inclusive."""
-
-    unit: str
-    low: float = -inf
-    high: float = inf
-
-
 @cache
 def section_schema(name: str) -> dict[str, Any]:
     """Schema of one section of scenes, quicker than the whole; empty where no scene has it."""
@@ -135,8 +125,8 @@ def section_schema(name: str) -> dict[str, Any]:
 
 
 @cache
-def number_entry_at_path(path: str) -> NumberEntry | None:
-    """The number that a dotted path sets; None where no scene has the path, or it is no number.
+def number_entry_at_path(path: str) -> PhysicalRange | None:
+    """Unit and range of the number at a dotted path; None where no scene has the path, or it is no number.
 
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
@@ -150,7 +140,7 @@ def number_entry_at_path(path: str) -> NumberEntry | None:
     if number is None:
         return None
     unit = "1" if number["unit"] == NOMINAL_DIAMETER else str(number["unit"])
-    return NumberEntry(unit, float(number.get("minimum", -inf)), float(number.get("maximum", inf)))
+    return PhysicalRange(unit, float(number.get("minimum", -inf)), float(number.get("maximum", inf)))
 
 
 def unit_at_path(path: str) -> str | None:

@@ -5,34 +5,14 @@ its own here. The usual range is that of soil, sand and wind on Earth.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 from taichi_erosion.scene.paths import number_entry_at_path
+from taichi_erosion.scene.schema.fields import PhysicalRange
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
 GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
 UNITS = "um mm cm m % 1 deg rad m/s cm/s mm/s degC K Pa hPa kPa s min h d".split()  # that are usual in tables
-
-
-@dataclass(frozen=True)
-class PhysicalRange:
-    """Possible and usual values of a quantity, ends included."""
-
-    unit: str
-    low: float
-    high: float
-    usual: tuple[float, float] | None = None
-
-    def is_possible(self, value: float) -> bool:
-        """Whether a value can be."""
-        return self.low <= value <= self.high
-
-    def is_usual(self, value: float) -> bool:
-        """Whether a value is possible and, where a usual range is known, within it; zero always is."""
-        low, high = self.usual or (self.low, self.high)
-        return self.is_possible(value) and (low <= value <= high or value == 0.0)
-
-
 ANGLE = PhysicalRange("deg", 0.0, 90.0, (5.0, 70.0))
 THRESHOLD = PhysicalRange("m/s", 1e-3, 10.0, (0.03, 3.0))
 TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0))
@@ -82,8 +62,7 @@ def range_at(path: str) -> PhysicalRange | None:
     number = None if path.startswith("conditions.extra.") else number_entry_at_path(path)
     if number is None:
         return OWN_RANGES.get(path)
-    usual = USUAL.get(path, USUAL.get(path.split(".")[-1]))
-    return PhysicalRange(number.unit, number.low, number.high, usual)
+    return replace(number, usual=USUAL.get(path, USUAL.get(path.split(".")[-1])))
 
 
 def range_of(name: str) -> PhysicalRange | None:

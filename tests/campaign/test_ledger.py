@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from stand_in import carry_out, opened, processes, requests, starts, table
 
-from taichi_erosion.campaign import ledger as ledger
+from taichi_erosion.campaign import ledger
 from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.ledger import open_ledger, process_exists
 from taichi_erosion.core.errors import BadInput
@@ -84,9 +84,8 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
         pages = store.database.connection.execute("PRAGMA page_count").fetchone()[0]
         # SQLite answers a file that may not grow with the error it gives for a disk that is full
         store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
-        with pytest.raises(
-            BadInput, match=r"ledger\.sqlite: the ledger cannot be used \(database or disk is full"
-        ):
+        line = r"ledger\.sqlite: the ledger cannot be used \(database or disk is full"
+        with pytest.raises(BadInput, match=line):
             run_requests(listed, store, workers=2, function="stand_in:without_ledger")
     assert_goes_on(tmp_path, undisturbed)
 

@@ -11,7 +11,8 @@ from taichi_erosion.campaign import study_file
 from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 
-SCENE = (Path(__file__).parents[2] / "scenes" / "column_collapse.toml").read_text("utf-8")
+ROOT = Path(__file__).parents[2]
+SCENE = (ROOT / "scenes" / "column_collapse.toml").read_text("utf-8")
 BOTH = """
 [study]
 measurements = "heap.csv"
@@ -34,8 +35,12 @@ fraction = 0.2
 TARGETS = "[targets.angle]\nvalue = 33.0\nsd = 0.5\nn = 5\n"
 SCENE_ANSWERS = '"heap.csv"\n[observables.angle]\nscene = "heap.toml"\n'
 MODEL_ANSWERS = '"heap.csv"\nmodel = "m:f"\n[observables.angle]\n'
-ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "doe").glob("*.toml"))
+WRONG = [  # what both refuse
+    ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
+    ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
+    ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
+]
 
 
 def written(folder: Path, text: str) -> Path:
@@ -50,13 +55,6 @@ def test_one_file_is_a_calibration_and_an_evidence_study(tmp_path):
     assert calibration.study.parameters["c"].limits == (0.1, 2.0)
     assert calibration.scene("angle") == tmp_path / "heap.toml"
     assert calibration.measure("angle") == "repose_angle"
-
-
-WRONG = [  # what both refuse
-    ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
-    ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
-    ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
-]
 
 
 @pytest.mark.parametrize(
@@ -80,8 +78,7 @@ def test_wrong_entries_and_what_a_command_lacks_or_does_not_read_are_named(tmp_p
 
 
 def changed_lines(before: str, after: str) -> list[str]:
-    old = before.splitlines()
-    return [line for line in after.splitlines() if line not in old]
+    return [line for line in after.splitlines() if line not in before.splitlines()]
 
 
 @pytest.mark.parametrize(
@@ -124,6 +121,5 @@ def test_the_schema_beside_the_studies_is_fresh(tmp_path):
 
 @pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
 def test_a_shipped_study_has_the_form_of_the_schema(study):
-    jsonschema.validate(
-        json.loads(json.dumps(tomllib.loads(study.read_text("utf-8")))), study_file.study_schema()
-    )
+    table = json.loads(json.dumps(tomllib.loads(study.read_text("utf-8"))))
+    jsonschema.validate(table, study_file.study_schema())

@@ -1,5 +1,6 @@
 """Heaps whose angle is known because they were built, not poured."""
 
+from dataclasses import replace
 from functools import cache
 from math import radians, tan
 
@@ -13,16 +14,14 @@ PITCH = 0.8  # diameters between lattice sites: neighbours touch in spite of the
 JITTER = 0.15  # diameters, uniform either way
 
 
-def snapshot_of(
-    position: NDArray[np.float64], diameter: float | NDArray[np.float64] = DIAMETER, time: float = 0.0
-) -> Snapshot:
-    """Grains at rest at the given centres, all touching."""
+def snapshot_of(position, diameter=DIAMETER, time: float = 0.0, **columns) -> Snapshot:
+    """Grains at the given centres, at rest and all touching unless columns say otherwise."""
     count = len(position)
     place, still = np.asarray(position, dtype=float).reshape(count, 3), np.zeros((count, 3))
     radius = np.broadcast_to(0.5 * np.asarray(diameter), count).astype(float)
     mass = 2500.0 * 4.0 / 3.0 * np.pi * radius**3
     contacts, ident = np.full(count, 4, dtype=np.int32), np.arange(count, dtype=np.int32)
-    return Snapshot(time, 0, place, still, still, radius, mass, contacts, ident, 0)
+    return replace(Snapshot(time, 0, place, still, still, radius, mass, contacts, ident, 0), **columns)
 
 
 def packing(half_width: float, height: float, rng: np.random.Generator) -> NDArray[np.float64]:

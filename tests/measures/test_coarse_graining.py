@@ -6,15 +6,13 @@ from scipy.special import erf
 
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot
 from taichi_erosion.measures.coarse_graining import Kernel, coarse_grain, lateral_stress_ratio, solid_fraction
+from tests.measures.heaps import snapshot_of
 
 WIDTH, OPEN = 0.7, (0.0, 0.0, 0.0)
 
 
 def snapshot(position, velocity, mass) -> Snapshot:
-    n = len(mass)
-    ident = np.arange(n, dtype=np.int32)
-    radius = np.full(n, 0.5)
-    return Snapshot(0.0, 0, position, velocity, np.zeros((n, 3)), radius, mass, ident, ident, 0)
+    return snapshot_of(position, 1.0, velocity=velocity, mass=mass)
 
 
 def network(first, second, centre, branch, force) -> ContactNetwork:
@@ -73,16 +71,14 @@ def test_fields_on_a_grid_are_the_sums_of_the_definition(world):
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 def test_mass_and_momentum_integrate_to_those_of_the_grains(world, axes):
     state, contacts = world
-    line = np.arange(-6.0, 6.0, 0.25)
-    at, extent = {axis: line for axis in axes}, {"x": 3.0, "y": 5.0}
+    at, extent = dict.fromkeys(axes, np.arange(-6.0, 6.0, 0.25)), {"x": 3.0, "y": 5.0}
     found = coarse_grain(state, contacts, Kernel(at, WIDTH, extent))
     cell = 0.25 ** len(axes) * np.prod([extent[axis] for axis in "xyz" if axis not in axes])
     assert found.density.sum() * cell == pytest.approx(state.mass.sum(), rel=1e-9)
     total = (np.nan_to_num(found.velocity) * found.density[..., None]).reshape(-1, 3).sum(axis=0) * cell
     np.testing.assert_allclose(total, state.mass @ state.velocity, rtol=1e-4)
-    assert found.wall_force.reshape(-1, 3).sum(axis=0) * cell == pytest.approx(
-        contacts.force[contacts.second < 0].sum(axis=0)
-    )
+    force = contacts.force[contacts.second < 0].sum(axis=0)
+    assert found.wall_force.reshape(-1, 3).sum(axis=0) * cell == pytest.approx(force)
 
 
 def test_the_divergence_of_stress_is_the_force_that_walls_and_contacts_leave_on_the_grains(world):
@@ -103,8 +99,7 @@ def test_the_divergence_of_stress_is_the_force_that_walls_and_contacts_leave_on_
 
 
 def test_grains_that_touch_nothing_have_no_contact_stress(world):
-    nothing = np.zeros((0, 3))
-    none = ContactNetwork(0.0, *2 * [np.zeros(0, np.int32)], *5 * [nothing], ())
+    none = ContactNetwork(0.0, *2 * [np.zeros(0, np.int32)], *5 * [np.zeros((0, 3))], ())
     found = coarse_grain(world[0], none, Kernel({"z": np.zeros(2)}, WIDTH, {"x": 1.0, "y": 1.0}))
     assert found.contact_stress.shape == (2, 3, 3)
     assert not found.contact_stress.any()

@@ -11,6 +11,8 @@ from tests.measures.heaps import DIAMETER, cone, packing, skirt, snapshot_of
 
 MEASURES = [heap.pile_height, heap.centroid_height, heap.settled_column_height, heap.radius_90]
 MEASURES += [heap.runout_radius, heap.angle_of_repose_outline]
+RADIUS = 22.0  # diameters, of the cones
+EMPTY = snapshot_of(np.zeros((0, 3)))
 
 
 def grains(*centres):
@@ -94,13 +96,9 @@ def test_the_grain_diameter_halves_the_volume_not_the_number():
 
 @pytest.mark.parametrize("measure", MEASURES)
 def test_no_grains_give_no_value(measure):
-    measured = measure(snapshot_of(np.zeros((0, 3))))
+    measured = measure(EMPTY)
     assert isnan(measured.value)
     assert measured.notes == ("no grains",)
-
-
-RADIUS = 22.0  # diameters, of the cones below
-EMPTY = snapshot_of(np.zeros((0, 3)))
 
 
 def half_a_grain(angle, radius=RADIUS):

@@ -1,22 +1,18 @@
 """Mass flow through a plane: a known rate, its steady part, both directions, a period, lost grains."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.mass_flow import mass_flow_rate, net_mass_through_plane, steady_frame_range
+from tests.measures.heaps import snapshot_of
 
 DOWN, PLANE, OPEN = (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 MASS, SPEED, EVERY = 2e-6, 0.5, 0.01
 
 
-def snapshot(time, position, velocity, ident=None) -> Snapshot:
-    count = len(position)
-    rows = np.arange(count, dtype=np.int32) if ident is None else np.asarray(ident, np.int32)
-    spin, radius, mass = np.zeros((count, 3)), np.full(count, 1e-3), np.full(count, MASS)
-    return Snapshot(time, 0, position, velocity, spin, radius, mass, np.zeros_like(rows), rows, 0)
+def snapshot(time, position, velocity) -> Snapshot:
+    return snapshot_of(position, time=time, velocity=velocity, mass=np.full(len(position), MASS))
 
 
 def stream(crossings: np.ndarray, times: np.ndarray) -> list[Snapshot]:
@@ -73,7 +69,7 @@ def test_back_and_forth_cancels_and_a_period_counts_once():
 def test_a_grain_that_is_taken_out_behind_the_plane_is_counted_by_its_speed():
     place, speed = np.array([[0.0, 0.0, 0.001], [0.0, 0.0, 0.2]]), np.array([[0.0, 0.0, -SPEED]] * 2)
     before = snapshot(0.0, place, speed)
-    after = replace(snapshot(EVERY, place[:0], speed[:0]))
+    after = snapshot(EVERY, place[:0], speed[:0])
     assert net_mass_through_plane(before, after, np.zeros(3), np.array(DOWN), np.zeros(3)) == (MASS, 1, 1)
 
 

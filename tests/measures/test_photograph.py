@@ -17,6 +17,7 @@ from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
 ROWS, COLUMNS, BASE, HALF_WIDTH = 420, 640, 360, 240  # px; the row of the base line
 GREY = (0.85, 0.2)  # background, heap
+TILTED = [(34.0, -8.0, "whole"), (18.0, 4.0, "whole"), (34.0, 1.0, "strip"), (34.0, -6.0, "none")]
 
 
 def standing(left, right=None, plate="strip", tilt=0.0, half=HALF_WIDTH, base=BASE):
@@ -40,10 +41,15 @@ def covered(*flanks, **options):
     return heap | plate
 
 
+def save(path, grey):
+    """Write an 8-bit picture of shades of grey from 0 to 1."""
+    imageio.imwrite(path, (np.clip(grey, 0.0, 1.0) * 255).astype(np.uint8))
+    return path
+
+
 def photograph(path, *flanks, grey=GREY, **options):
     """Write an 8-bit picture of a heap on a strip of plate."""
-    imageio.imwrite(path, (np.where(covered(*flanks, **options), grey[1], grey[0]) * 255).astype(np.uint8))
-    return path
+    return save(path, np.where(covered(*flanks, **options), grey[1], grey[0]))
 
 
 def pixel_error(angle, pixels=1.0):
@@ -104,11 +110,7 @@ def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0, seen="wh
     fading = light * (0.5 - np.arange(0.5, COLUMNS) / COLUMNS)
     grey = gaussian_filter(np.where(cast, grey - shadow, grey) + fading, 0.8)
     grey = grey + np.random.default_rng(4).normal(0.0, noise, grey.shape) if noise else grey
-    imageio.imwrite(path, (np.clip(grey, 0.0, 1.0) * 255).astype(np.uint8))
-    return path
-
-
-TILTED = [(34.0, -8.0, "whole"), (18.0, 4.0, "whole"), (34.0, 1.0, "strip"), (34.0, -6.0, "none")]
+    return save(path, grey)
 
 
 @pytest.mark.parametrize(("angle", "tilt", "plate"), TILTED)
@@ -152,8 +154,7 @@ def test_a_crop_keeps_a_label_beside_the_heap_out(tmp_path):
     picture = np.where(covered(28.0), 0.2, 0.85)
     picture[:, 600:] = 0.1
     picture[:200, 20:60] = 0.1
-    imageio.imwrite(tmp_path / "label.png", (picture * 255).astype(np.uint8))
-    record = measure_photograph(tmp_path / "label.png", crop=(62, 100, 578, 375))
+    record = measure_photograph(save(tmp_path / "label.png", picture), crop=(62, 100, 578, 375))
     assert record["value"] == pytest.approx(28.0, abs=pixel_error(28.0))
     assert record["details"]["base_row"] == BASE
     assert record["details"]["axis_column"] == pytest.approx(COLUMNS / 2, abs=1.0)

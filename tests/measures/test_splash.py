@@ -1,6 +1,5 @@
 """Landings, rebounds and ejecta of made-up hops."""
 
-from dataclasses import replace
 from math import atan2, degrees, hypot
 
 import numpy as np
@@ -39,8 +38,8 @@ def frames(grains: list[list[tuple[float, float, float]]]) -> list[Snapshot]:
     nought = np.zeros(len(grains))
     for time in np.arange(0.0, LENGTH, EVERY):
         height, ahead, up = np.transpose([state(moments, time) for moments in grains])
-        still = snapshot_of(np.stack([nought, nought, height], axis=1), PATCH.diameter, time)
-        series.append(replace(still, velocity=np.stack([ahead, nought, up], axis=1)))
+        place, velocity = np.stack([nought, nought, height], axis=1), np.stack([ahead, nought, up], axis=1)
+        series.append(snapshot_of(place, PATCH.diameter, time, velocity=velocity))
     return series
 
 

@@ -1,7 +1,5 @@
 """Flux, its height and the stresses at the bed of made-up transport."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,13 +8,13 @@ from taichi_erosion.measures import wind_bed
 from tests.measures.heaps import snapshot_of
 
 PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
+HUMP = [1.18, 1.36, 1.47, 1.28, 1.24, 1.18, 1.08, 1.00]  # eighths of a second, as eight beds once had it
+SWINGS = {"up and down": (1.2, 0.8), "down and up": (0.7, 1.3), "always above": (1.06,)}
 
 
 def flying(height: np.ndarray, speed: float) -> Snapshot:
-    count = len(height)
-    place = np.column_stack([np.zeros((count, 2)), height])
-    velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    return replace(snapshot_of(place), velocity=velocity, mass=np.full(count, 2e-8))
+    place, mass = np.column_stack([np.zeros((len(height), 2)), height]), np.full(len(height), 2e-8)
+    return snapshot_of(place, velocity=np.tile([speed, 0.0, 0.0], (len(height), 1)), mass=mass)
 
 
 def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
@@ -47,10 +45,6 @@ def test_stresses_at_the_bed_are_those_of_the_profile():
     assert wind_bed.mean_air_stress_at_bed(airs, PATCH).value == pytest.approx(0.05)
     # the drag reaches to 2 mm, and only what lies a diameter of 0.25 mm over the bed of 1 mm counts
     assert wind_bed.mean_grain_stress_at_bed(airs, PATCH).value == pytest.approx(30.0 * 0.75e-3)
-
-
-HUMP = [1.18, 1.36, 1.47, 1.28, 1.24, 1.18, 1.08, 1.00]  # eighths of a second, as eight beds once had it
-SWINGS = {"up and down": (1.2, 0.8), "down and up": (0.7, 1.3), "always above": (1.06,)}
 
 
 def window_of(parts: list[float], seconds: float, noise: float = 0.0, beds: int = 2) -> wind_bed.Window:

@@ -80,9 +80,8 @@ def test_fluid_thresholds_are_those_of_other_codes():
 
 def test_spheres_settle_with_their_drag_equal_to_their_weight():
     """Stokes' speed where they are fine, and C_D = 24 (1 + 0.15 Re^0.687) / Re beyond."""
-    assert wind_formulas.settling_speed_of_sphere(Sand(0.01 * MM)) == pytest.approx(
-        2650 / 1.225 * 9.81e-10 / 18 / 1.46e-5, rel=0.01
-    )
+    stokes = 2650 / 1.225 * 9.81e-10 / 18 / 1.46e-5
+    assert wind_formulas.settling_speed_of_sphere(Sand(0.01 * MM)) == pytest.approx(stokes, rel=0.01)
     for diameter in (0.1 * MM, 0.5 * MM, 2.0 * MM):
         sand = Sand(diameter)
         speed = wind_formulas.settling_speed_of_sphere(sand)

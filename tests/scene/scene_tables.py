@@ -22,8 +22,64 @@ TUNNEL = SCENES / "tunnel_section.toml"
 ABSENT = object()  # stands for a key that is taken away
 TABLES = "grains grains.size contact.soil-soil geometry.plate stages.1.move measured effects".split()
 WORDS = "fill.law laws.normal geometry.plate.shape run.precision stages.0.until".split()
-
-
+NUMBERS = (
+    "conditions.moisture run.replicas run.seed gravity.magnitude grains.count grains.size.median "
+    "grains.size.low materials.soil.density materials.soil.shear_modulus contact.soil-soil.restitution "
+    "geometry.plate.radius fill.radius stages.0.duration_max record.every measured.repose_angle.n"
+).split()
+NEEDED = (
+    "materials.soil materials.soil.shear_modulus contact.soil-soil contact.steel-soil "
+    "grains.size.law grains.size.median fill fill.law stages.0.name"
+).split()
+ABSURD = {  # values that are numbers, but not here
+    "run.seed": (-1, 2**70, 0.5),
+    "run.time_step": (-1e-5, 1e-3),
+    "run.time_step_fraction": (0.5, 5.0),
+    "gravity.direction": ([0.0, 0.0, 0.0], [0.0, 1.0], [nan, 0.0, 1.0], "down"),
+    "grains.count": (0, 2.5, 10**30),
+    "grains.size.median": (5e-3, 1e-9),
+    "grains.size.low": (2.5e-3, 1e-6),
+    "grains.size.high": (1.5e-3, 0.5),
+    "materials.soil.shear_modulus": (1e3, 2.05e13),
+    "contact.soil-soil.surface_energy": (-1.0, 3.302),
+    "geometry.plate.centre": ([0.0, 0.0], [0.0, 0.0, inf], [1e9, 0.0, 0.0], 0.0),
+    "geometry.plate.axis": ([0.0, 0.0, 0.0],),
+    "geometry.funnel.rim_radius": (1e-3,),
+    "fill.radius": (1e-4, 0.0),
+    "stages.0.duration_min": (2.0,),
+}
+WRONG_NAMES = {
+    "geometry.plate.material": "glass",
+    "stages.0.remove": ["funnel"],  # a later stage still moves it
+    "stages.1.move": {"lid": {}},
+    "stages.1.name": "pour",
+    "measure.repose_angle.stage": "end",
+    "measure.repose_angle.plate": "floor",
+    "grains.sise": {},
+    "contact.soil": {"restitution": 0.5, "friction_sliding": 0.5},
+    "contact.soil-steel": {"restitution": 0.5, "friction_sliding": 0.5},
+    "contact.soil-sand": {"restitution": 0.5, "friction_sliding": 0.5},
+    "materials.wet soil": {"density": 1.0, "shear_modulus": 1e7, "poisson_ratio": 0.3},
+    "materials.soil.young_modulus": 1e7,
+    "grains.size": {"law": "sieve"},
+    "effects.plain_pull": {"strength": nan},
+}
+WHOLE_SIZES = (
+    {"law": "sieve", "table": "nobody2000"},
+    {"law": "sieve", "table": "hao2022"},  # from 75 um: too small to be poured beside grains of 4 mm
+    {"law": "sieve", "rows": []},
+    {"law": "sieve", "rows": [[2e-3, 1e-3, 5.0]]},
+    {"law": "sieve", "rows": [[1e-3, 2e-3, 0.0]]},
+    {"law": "sieve", "rows": [[1e-3, 3e-3, 1.0], [2e-3, 4e-3, 1.0]]},
+    {"law": "sieve", "table": "hao2022", "low": 5e-3, "high": 6e-3},
+    {"law": "sieve", "table": "hao2022", "low": 2e-3, "high": 1e-3},
+)
+WHOLE_FILLS = (
+    {"law": "positions", "grains": [{"position": [0.0, 0.0, 0.1]}]},
+    {"law": "rain", "pitch": 1e-3, "radius": 0.02, "first_height": 0.01},
+    {"law": "rain", "pitch_d": 1.0, "radius": 0.02, "first_height": 0.01},
+    {"law": "lattice", "pitch": 4e-3, "radius": 5e-3, "length": 5e-3},
+)
 GOOD = """
 scene = { kind = "repose", title = "small pour" }
 conditions = { moisture = 0.01 }
@@ -56,69 +112,6 @@ def good_table() -> dict[str, Any]:
     table["grains"]["size"] |= {"low": 1e-3, "high": 3e-3}
     table["geometry"]["funnel"] |= {"rim_radius": 0.04, "cone_height": 0.04}
     return table
-
-
-NUMBERS = (
-    "conditions.moisture run.replicas run.seed gravity.magnitude grains.count grains.size.median "
-    "grains.size.low materials.soil.density materials.soil.shear_modulus contact.soil-soil.restitution "
-    "geometry.plate.radius fill.radius stages.0.duration_max record.every measured.repose_angle.n"
-).split()
-NEEDED = (
-    "materials.soil materials.soil.shear_modulus contact.soil-soil contact.steel-soil "
-    "grains.size.law grains.size.median fill fill.law stages.0.name"
-).split()
-ABSURD = {  # values that are numbers, but not here
-    "run.seed": (-1, 2**70, 0.5),
-    "run.time_step": (-1e-5, 1e-3),
-    "run.time_step_fraction": (0.5, 5.0),
-    "gravity.direction": ([0.0, 0.0, 0.0], [0.0, 1.0], [nan, 0.0, 1.0], "down"),
-    "grains.count": (0, 2.5, 10**30),
-    "grains.size.median": (5e-3, 1e-9),
-    "grains.size.low": (2.5e-3, 1e-6),
-    "grains.size.high": (1.5e-3, 0.5),
-    "materials.soil.shear_modulus": (1e3, 2.05e13),
-    "contact.soil-soil.surface_energy": (-1.0, 3.302),
-    "geometry.plate.centre": ([0.0, 0.0], [0.0, 0.0, inf], [1e9, 0.0, 0.0], 0.0),
-    "geometry.plate.axis": ([0.0, 0.0, 0.0],),
-    "geometry.funnel.rim_radius": (1e-3,),
-    "fill.radius": (1e-4, 0.0),
-    "stages.0.duration_min": (2.0,),
-}
-
-WRONG_NAMES = {
-    "geometry.plate.material": "glass",
-    "stages.0.remove": ["funnel"],  # a later stage still moves it
-    "stages.1.move": {"lid": {}},
-    "stages.1.name": "pour",
-    "measure.repose_angle.stage": "end",
-    "measure.repose_angle.plate": "floor",
-    "grains.sise": {},
-    "contact.soil": {"restitution": 0.5, "friction_sliding": 0.5},
-    "contact.soil-steel": {"restitution": 0.5, "friction_sliding": 0.5},
-    "contact.soil-sand": {"restitution": 0.5, "friction_sliding": 0.5},
-    "materials.wet soil": {"density": 1.0, "shear_modulus": 1e7, "poisson_ratio": 0.3},
-    "materials.soil.young_modulus": 1e7,
-    "grains.size": {"law": "sieve"},
-    "effects.plain_pull": {"strength": nan},
-}
-
-WHOLE_SIZES = (
-    {"law": "sieve", "table": "nobody2000"},
-    {"law": "sieve", "table": "hao2022"},  # from 75 um: too small to be poured beside grains of 4 mm
-    {"law": "sieve", "rows": []},
-    {"law": "sieve", "rows": [[2e-3, 1e-3, 5.0]]},
-    {"law": "sieve", "rows": [[1e-3, 2e-3, 0.0]]},
-    {"law": "sieve", "rows": [[1e-3, 3e-3, 1.0], [2e-3, 4e-3, 1.0]]},
-    {"law": "sieve", "table": "hao2022", "low": 5e-3, "high": 6e-3},
-    {"law": "sieve", "table": "hao2022", "low": 2e-3, "high": 1e-3},
-)
-
-WHOLE_FILLS = (
-    {"law": "positions", "grains": [{"position": [0.0, 0.0, 0.1]}]},
-    {"law": "rain", "pitch": 1e-3, "radius": 0.02, "first_height": 0.01},
-    {"law": "rain", "pitch_d": 1.0, "radius": 0.02, "first_height": 0.01},
-    {"law": "lattice", "pitch": 4e-3, "radius": 5e-3, "length": 5e-3},
-)
 
 
 def places(table: dict[str, Any], path: str) -> tuple[Any, Any]:

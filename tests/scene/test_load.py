@@ -24,6 +24,20 @@ PHYSICS = (
     "run.time_step_fraction=0.1 laws.friction_cap=edem effects.plain_pull.strength=0.0 "
     "stages.2.duration_max=2.0 geometry.plate.radius=0.11"
 ).split()
+ROOT = Path(__file__).parents[2]
+STUDY, SCENE = str(ROOT / "doe" / "my_lab.toml"), str(ROOT / "scenes" / "saltation.toml")
+MISTAKEN = {
+    "a scene for a study": (("discover", SCENE), f"./erosion run {SCENE}"),
+    "a folder for a study": (("adopt", str(ROOT / "doe"), "gusts"), "is a folder; name a study"),
+    "a study for a scene": (("run", STUDY), f"./erosion compare {STUDY}"),
+    "a study for a table": (("study", "new", STUDY), f"./erosion study check {STUDY}"),
+    "a folder for a table": (("study", "new", "."), "is a folder; name a table"),
+    "a scene to validate as a study": (("study", "check", SCENE), f"./erosion run {SCENE}"),
+    "a table to report on": (("report", "t.csv"), "./erosion study new t.csv"),
+    "a table to view": (("view", "t.csv"), "./erosion study new t.csv"),
+    "an effect file for a study": (("compare", "pull.py"), "--effect pull.py"),
+    "a recording for a study": (("next", "run.rrd"), "./erosion view run.rrd"),
+}
 
 
 def test_the_order_of_sections_and_comments_leave_the_hash_and_every_bit(tmp_path: Path):
@@ -116,22 +130,6 @@ def test_the_hash_follows_the_flow_and_not_its_title():
     assert plain == titled != faster
 
 
-ROOT = Path(__file__).parents[2]
-STUDY, SCENE = str(ROOT / "doe" / "my_lab.toml"), str(ROOT / "scenes" / "saltation.toml")
-MISTAKEN = {
-    "a scene for a study": (("discover", SCENE), f"./erosion run {SCENE}"),
-    "a folder for a study": (("adopt", str(ROOT / "doe"), "gusts"), "is a folder; name a study"),
-    "a study for a scene": (("run", STUDY), f"./erosion compare {STUDY}"),
-    "a study for a table": (("study", "new", STUDY), f"./erosion study check {STUDY}"),
-    "a folder for a table": (("study", "new", "."), "is a folder; name a table"),
-    "a scene to validate as a study": (("study", "check", SCENE), f"./erosion run {SCENE}"),
-    "a table to report on": (("report", "t.csv"), "./erosion study new t.csv"),
-    "a table to view": (("view", "t.csv"), "./erosion study new t.csv"),
-    "an effect file for a study": (("compare", "pull.py"), "--effect pull.py"),
-    "a recording for a study": (("next", "run.rrd"), "./erosion view run.rrd"),
-}
-
-
 @pytest.mark.parametrize("name", MISTAKEN)
 def test_a_file_of_another_kind_is_told_with_its_own_command(tmp_path, monkeypatch, capsys, name):
     words, remedy = MISTAKEN[name]
@@ -145,11 +143,8 @@ def test_a_file_of_another_kind_is_told_with_its_own_command(tmp_path, monkeypat
     assert " is " in line
 
 
-MISTAKES = list(wrong_places())
-
-
 @pytest.mark.parametrize(
-    ("path", "value"), MISTAKES, ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
+    ("path", "value"), list(wrong_places()), ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
 )
 def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: str, value: Any):
     line = complaint(changed(path, value))

@@ -224,8 +224,7 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
 
 def placed_diameters(scene: Scene, fill: Positions) -> Floats:
     """Diameters of explicitly placed grains [n] m."""
-    parts = scene.grains.parts
-    nominal = {name: sizes.nominal_diameter(part.size) for name, part in parts.items()}
+    nominal = {name: sizes.nominal_diameter(part.size) for name, part in scene.grains.parts.items()}
     return np.array([g.diameter or nominal[g.kind or scene.grains.material or ""] for g in fill.grains])
 
 

@@ -80,7 +80,6 @@ def adhesion_numbers_of_kind(scene: Scene, name: str) -> dict[str, float] | None
 
 
 def adhesion_warnings(scene: Scene, sticking: dict[str, float] | None) -> Iterator[str]:
-    """Sentences about implausible adhesion."""
     if sticking is None:
         return
     bond, stress = sticking["bond_number"], sticking["cohesion_over_heap_stress"]
@@ -258,50 +257,45 @@ def time_step_warnings(chosen: float, limit: dict[str, float | None]) -> Iterato
             yield f"time step {chosen:.3g} s exceeds {bound:.3g} s: {text}"
 
 
-def softening_sentences(scene: Scene) -> list[str]:
+def softening_sentences(scene: Scene) -> Iterator[str]:
     """Softened materials: by how much, and which quantity is kept."""
-    lines = []
     for name, material in sorted(scene.materials.items()):
         if material.softening is not None:
             simulated = material.shear_modulus or material.young_modulus or 1.0
             ratio = material.softening.true_modulus / simulated
             quantity = material.softening.rule.replace("_", " ")
             rule = f"(rule '{material.softening.rule}')"
-            lines.append(f"{name}: stiffness divided by {ratio:.3g}, {quantity} kept {rule}")
-    return lines
+            yield f"{name}: stiffness divided by {ratio:.3g}, {quantity} kept {rule}"
 
 
-def rolling_friction_sentences(scene: Scene) -> list[str]:
+def rolling_friction_sentences(scene: Scene) -> Iterator[str]:
     """Rolling friction over R* where a rolling law acts, and what EDEM calls it.
 
     The limiting torque is mu F R* here, and mu F R_i on grain i in EDEM's standard model; R* = R / 2 between
     equal grains and R at a wall.
     """
-    grains, lines = set(scene.grains.parts), []
+    grains = set(scene.grains.parts)
     for pair, contact in sorted(scene.contact.items()):
         reduced, ends = contact.friction_rolling * contact.rolling_radius_ratio, set(pair.split("-"))
         if scene.laws.rolling == "none" or reduced == 0.0 or not ends & grains:
             continue
         full, which = (reduced / 2.0, " (equal grains)") if ends <= grains else (reduced, "")
-        lines.append(f"{pair}: friction_rolling {reduced:.3g}, which is {full:.3g} in EDEM{which}")
-    return lines
+        yield f"{pair}: friction_rolling {reduced:.3g}, which is {full:.3g} in EDEM{which}"
 
 
-def grain_kind_sentences(scene: Scene) -> list[str]:
+def grain_kind_sentences(scene: Scene) -> Iterator[str]:
     """Grains larger than the true ones, and what is kept; several kinds, and pairs whose contact is mixed."""
-    lines = []
     if (coarse := scene.grains.coarse_graining) is not None:
         rule = f"{coarse.rule.replace('_', ' ')} kept (rule '{coarse.rule}')"
         pulls = f"surface energy and pulls between grains times {coarse.adhesion_scale:.3g}"
-        lines.append(f"{coarse.factor:.3g} times as large as the true ones, {rule}: {pulls}")
+        yield f"{coarse.factor:.3g} times as large as the true ones, {rule}: {pulls}"
     counts = sizes.grain_count_of_kinds(scene) if scene.grains.kinds else {}
-    lines += [f"{name}: {count:,} grains" for name, count in counts.items()]
+    yield from (f"{name}: {count:,} grains" for name, count in counts.items())
     for a, b in combinations(counts, 2):
         contact = scene.contact_of_materials(a, b)
         if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):
             words = f"restitution {contact.restitution:.3g}, friction_sliding {contact.friction_sliding:.3g}"
-            lines.append(f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {words}")
-    return lines
+            yield f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {words}"
 
 
 def step_report(scene: Scene) -> dict[str, Any]:
@@ -318,9 +312,9 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "expected_speed": largest_expected_speed(scene),
         "diameter": {"low": low, "nominal": sizes.nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
-        "softening": softening_sentences(scene),
-        "rolling": rolling_friction_sentences(scene),
-        "kinds": grain_kind_sentences(scene),
+        "softening": list(softening_sentences(scene)),
+        "rolling": list(rolling_friction_sentences(scene)),
+        "kinds": list(grain_kind_sentences(scene)),
         "adhesion": sticking,
         "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene)],
     }

@@ -67,8 +67,7 @@ def add_wind_to_setup(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setu
     below = -10.0 * float(setup.grains.radius.max())
     domain = (0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)
     air, coupling = air_over_patch(scene, wind, setup.time_step, seed), coupling_of_patch(scene, wind, seed)
-    period = wind.length, wind.width, 0.0
-    return replace(setup, domain=domain, period=period, air=air, coupling=coupling)
+    return replace(setup, domain=domain, period=(wind.length, wind.width, 0.0), air=air, coupling=coupling)
 
 
 def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainTable:

@@ -4,27 +4,17 @@ from collections.abc import Iterator
 from math import prod
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from taichi_erosion.core.air_setup import (
-    SIDES,
-    Advection,
-    AirModel,
-    AirSetup,
-    Closure,
-    ClosureConstants,
-    InletTurbulence,
-    SideKind,
-)
+from taichi_erosion.core import air_setup
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, ClosureConstants, InletTurbulence
 from taichi_erosion.scene.schema import fields
 from taichi_erosion.scene.schema.conditions import Conditions
 from taichi_erosion.scene.schema.fields import Name, SceneFile, Section, Vector
-from taichi_erosion.scene.schema.scene import Measured
+from taichi_erosion.scene.schema.scene import LONGEST, Measured
 
 MOST_CELLS = 20_000_000  # about 8 GB of state
-LONGEST = 1e5  # longest run [s]
 COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1]
-Counts = tuple[int, int, int]
 
 
 class AirSection(Section):
@@ -55,7 +45,7 @@ class AirRun(AirSection):
 class Side(AirSection):
     """One side of the box."""
 
-    kind: SideKind = Field(description="what the side does to the air")
+    kind: air_setup.SideKind = Field(description="what the side does to the air")
     velocity: Vector = fields.number((0.0, 0.0, 0.0), "m s-1", "of the wall", -fields.FASTEST, fields.FASTEST)
     roughness_length: float = fields.extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
@@ -82,13 +72,11 @@ class TableProfile(AirSection):
     heights: tuple[float, ...] = fields.number(..., "m", "heights, rising", 0.0, 1e4)
     speeds: tuple[float, ...] = fields.number(..., "m s-1", "wind speed at each height", 0.0, fields.FASTEST)
 
-    @model_validator(mode="after")
-    def _require_rising_heights(self) -> "TableProfile":
+    def contradictions(self) -> Iterator[str]:
         if len(self.heights) != len(self.speeds) or len(self.heights) < 2:
-            raise fields.contradiction("heights and speeds must be lists of the same length, at least 2")
+            yield "heights and speeds must be lists of the same length, at least 2"
         if any(b <= a for a, b in zip(self.heights, self.heights[1:], strict=False)):
-            raise fields.contradiction("heights must rise")
-        return self
+            yield "heights must rise"
 
 
 Profile = Annotated[UniformProfile | LogProfile | TableProfile, Field(discriminator="law")]
@@ -106,13 +94,13 @@ class AirBox(AirSection):
     """The box, the fluid, the closure."""
 
     extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
-    cells: Counts = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
+    cells: tuple[int, int, int] = fields.number(..., "1", "cells along x, y and z", 1, 100_000)
     lowest: float | None = fields.number(None, "m", "height of the lowest cells; left out: equal", 1e-7, 1e4)
     both_ends: bool = fields.entry(False, "whether cells are fine at the lid too")
     density: float = fields.number(1.2, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = fields.number(1.5e-5, "m2 s-1", "kinematic viscosity", 1e-9, 10.0)
-    closure: Closure = fields.entry(AirModel.closure, "turbulence closure")
-    advection: Advection = fields.entry(
+    closure: air_setup.Closure = fields.entry(AirModel.closure, "turbulence closure")
+    advection: air_setup.Advection = fields.entry(
         AirModel.advection, "central: keeps energy; limited: makes no new extremes"
     )
     implicitness: float = fields.number(

@@ -4,16 +4,8 @@ from typing import Any
 
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
-from taichi_erosion.scene.schema.fields import (
-    LARGEST_GRAIN,
-    SMALLEST_GRAIN,
-    Name,
-    Section,
-    contradiction,
-    number,
-    unit_of_number_field,
-    unknown_key_error,
-)
+from taichi_erosion.scene.schema import fields
+from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
 LARGEST = 1e30  # values beyond it are taken for a slip
@@ -57,9 +49,7 @@ class Conditions(Section):
     slope: float | None = number(None, "deg", "slope of the bed, uphill positive", -90.0, 90.0)
     wind_speed: float | None = number(None, "m s-1", "free-stream wind speed", 0.0, 100.0)
     friction_velocity: float | None = number(None, "m s-1", "friction velocity u*", 0.0, 10.0)
-    diameter: float | None = number(
-        None, "m", "grain diameter as the laboratory states it", SMALLEST_GRAIN, LARGEST_GRAIN
-    )
+    diameter: float | None = fields.grain_diameter(None, "grain diameter as the laboratory states it")
     angularity: float | None = number(None, "1", "shape index: 0 round, 1 most angular", 0.0, 1.0)
     clay_fraction: float | None = number(None, "kg kg-1", "mass fraction of clay", 0.0, 1.0)
     organic_fraction: float | None = number(None, "kg kg-1", "mass fraction of organic matter", 0.0, 1.0)
@@ -79,20 +69,20 @@ class Conditions(Section):
             return table
         declared = table.get("extra", {})
         extra = dict(declared) if isinstance(declared, dict) else {}
-        fields = {key: value for key, value in table.items() if key in cls.model_fields}
+        entries = {key: value for key, value in table.items() if key in cls.model_fields}
         for key, value in table.items():
             if key in extra and isinstance(extra[key], dict):
                 extra[key] = {**extra[key], "value": value}
             elif key not in cls.model_fields and key not in extra:
-                raise unknown_key_error(str(key), [*cls.model_fields, *extra], DECLARE)
-        return fields | ({"extra": extra} if extra else {})
+                raise fields.unknown_key_error(str(key), [*cls.model_fields, *extra], DECLARE)
+        return entries | ({"extra": extra} if extra else {})
 
     @field_validator("extra")
     @classmethod
     def _refuse_reserved_names(cls, extra: dict[str, ExtraCondition]) -> dict[str, ExtraCondition]:
         for name in extra:
             if name in cls.model_fields:
-                unit = unit_of_number_field(cls.model_fields[name])
+                unit = fields.unit_of_number_field(cls.model_fields[name])
                 raise contradiction(f"{name} is among [conditions] already, in {unit}; state it there")
             if name in OF_SCENE:
                 raise contradiction(f"{name} is a number that effects get from the scene; take another name")

@@ -5,24 +5,20 @@ means a radius of nine nominal grain diameters; the suffix serves every quantity
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
+import pydantic
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
-    GetJsonSchemaHandler,
     PrivateAttr,
-    SerializationInfo,
-    SerializerFunctionWrapHandler,
     StringConstraints,
     ValidationInfo,
-    field_validator,
-    model_serializer,
-    model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -42,6 +38,24 @@ LARGEST_APPARATUS = 3.0  # likewise walls, fills and patches whose grains are fo
 SMALLEST_GRAIN = 1e-6  # smaller grains are no longer moved by contact and weight alone [m]
 LARGEST_GRAIN = 0.05  # larger ones are taken for a wrong unit; wind moves none of them [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
+
+
+@dataclass(frozen=True)
+class PhysicalRange:
+    """Possible and usual values of a quantity, ends included."""
+
+    unit: str
+    low: float
+    high: float
+    usual: tuple[float, float] | None = None
+
+    def is_possible(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def is_usual(self, value: float) -> bool:
+        """Whether a value is possible and, where a usual range is known, within it; zero always is."""
+        low, high = self.usual or (self.low, self.high)
+        return self.is_possible(value) and (low <= value <= high or value == 0.0)
 
 
 def contradiction(message: str) -> PydanticCustomError:
@@ -112,15 +126,17 @@ class Section(BaseModel):
     in_metres_only: ClassVar[bool] = False  # no length or time of it may be given in grain diameters
     later: ClassVar[tuple[str, ...]] = ()  # entries that older scenes lack: at their default not in a hash
 
-    @model_serializer(mode="wrap")
-    def _omit_fields_outside_hash(self, dump: SerializerFunctionWrapHandler, about: SerializationInfo) -> Any:
+    @pydantic.model_serializer(mode="wrap")
+    def _omit_fields_outside_hash(
+        self, dump: pydantic.SerializerFunctionWrapHandler, about: pydantic.SerializationInfo
+    ) -> Any:
         table = dump(self)
         for name in self.later if about.context == FOR_HASH else ():
             if getattr(self, name) == type(self).model_fields[name].get_default(call_default_factory=True):
                 table.pop(name, None)
         return table
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _scale_by_nominal_diameter(cls, table: Any, about: ValidationInfo) -> Any:
         """The table with every `NAME_d` replaced by NAME, times the nominal diameter where it is known."""
@@ -147,7 +163,7 @@ class Section(BaseModel):
         return key.removesuffix(DIAMETERS)
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: pydantic.GetJsonSchemaHandler) -> Any:
         """Schema of the section with `NAME_d` for every length and time that it has."""
         part = handler.resolve_ref_schema(handler(core))
         either = []
@@ -165,7 +181,7 @@ class Section(BaseModel):
             part["allOf"] = either
         return part
 
-    @field_validator("*")
+    @pydantic.field_validator("*")
     @classmethod
     def _refuse_out_of_range(cls, value: Any, about: ValidationInfo) -> Any:
         extra = cls.model_fields[str(about.field_name)].json_schema_extra
@@ -177,6 +193,16 @@ class Section(BaseModel):
                 raise PydanticCustomError("outside", "lies outside {range}", {"range": allowed})
         return value
 
+    @pydantic.model_validator(mode="after")
+    def _refuse_contradictions(self) -> Self:
+        for message in self.contradictions():
+            raise contradiction(message)
+        return self
+
+    def contradictions(self) -> Iterator[str]:
+        """What is wrong with entries that do not fit together; the first is told."""
+        yield from ()
+
 
 def point_field(default: Any, meaning: str) -> Any:
     """Declare a point or a shift [m]."""
@@ -186,6 +212,11 @@ def point_field(default: Any, meaning: str) -> Any:
 def extent(default: Any, meaning: str, low: float = 1e-7, high: float = LARGEST_APPARATUS) -> Any:
     """Declare an extent [m], positive and no larger than an apparatus unless its bounds are given."""
     return number(default, "m", meaning, low, high)
+
+
+def grain_diameter(default: Any, meaning: str) -> Any:
+    """Declare a diameter of grains [m]."""
+    return number(default, "m", meaning, SMALLEST_GRAIN, LARGEST_GRAIN)
 
 
 def direction(default: Any, meaning: str) -> Any:

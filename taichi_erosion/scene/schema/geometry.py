@@ -1,9 +1,10 @@
 """Walls of a scene; a wall is one surface with one material, and moves as one body."""
 
+from collections.abc import Iterator
 from pathlib import PurePath
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from taichi_erosion.scene.schema import fields
 from taichi_erosion.scene.schema.fields import Direction, Name, Section, Vector
@@ -27,7 +28,6 @@ class Disc(Section):
     """Thin round plate, or a ring."""
 
     later = ("hole",)
-
     shape: Literal["disc"]
     material: Name
     centre: Vector = fields.point_field(ORIGIN, "centre")
@@ -35,11 +35,9 @@ class Disc(Section):
     radius: float = fields.extent(..., "radius")
     hole: float = fields.extent(0.0, "radius of a round hole in its middle; 0: none", low=0.0)
 
-    @model_validator(mode="after")
-    def _require_area(self) -> "Disc":
+    def contradictions(self) -> Iterator[str]:
         if self.hole >= self.radius:
-            raise fields.contradiction("hole must be smaller than radius")
-        return self
+            yield "hole must be smaller than radius"
 
 
 class Cylinder(Section):
@@ -64,11 +62,9 @@ class Cone(Section):
     radius_high: float = fields.extent(..., "radius at the other end", low=0.0)
     length: float = fields.extent(..., "length along the axis")
 
-    @model_validator(mode="after")
-    def _require_width(self) -> "Cone":
+    def contradictions(self) -> Iterator[str]:
         if self.radius_low + self.radius_high == 0.0:
-            raise fields.contradiction("radius_low and radius_high are both 0")
-        return self
+            yield "radius_low and radius_high are both 0"
 
 
 class Funnel(Section):
@@ -82,11 +78,9 @@ class Funnel(Section):
     rim_radius: float = fields.extent(..., "inner radius of the upper rim")
     cone_height: float = fields.extent(..., "height of the cone")
 
-    @model_validator(mode="after")
-    def _require_upward_opening(self) -> "Funnel":
+    def contradictions(self) -> Iterator[str]:
         if self.rim_radius < self.outlet_radius:
-            raise fields.contradiction("rim_radius is smaller than outlet_radius")
-        return self
+            yield "rim_radius is smaller than outlet_radius"
 
 
 class Box(Section):
@@ -98,13 +92,11 @@ class Box(Section):
     high: Vector = fields.point_field(..., "corner of the largest coordinates")
     faces: tuple[Face, ...] = Field(OPEN_BOX, min_length=1, max_length=6, description="faces that exist")
 
-    @model_validator(mode="after")
-    def _require_volume(self) -> "Box":
+    def contradictions(self) -> Iterator[str]:
         if not all(a < b for a, b in zip(self.low, self.high, strict=True)):
-            raise fields.contradiction("low must be smaller than high in every coordinate")
+            yield "low must be smaller than high in every coordinate"
         if len(set(self.faces)) < len(self.faces):
-            raise fields.contradiction("faces names a face twice")
-        return self
+            yield "faces names a face twice"
 
 
 class Hull(Section):
@@ -114,12 +106,10 @@ class Hull(Section):
     scale: float = fields.number(1.0, "m per file unit", "size of the file's unit of length", 1e-9, 1e6)
     translate: Vector = fields.point_field(ORIGIN, "shift after scaling")
 
-    @model_validator(mode="after")
-    def _require_relative_file(self) -> "Hull":
+    def contradictions(self) -> Iterator[str]:
         path = PurePath(self.file)
         if path.is_absolute() or ".." in path.parts or "\0" in self.file:
-            raise fields.contradiction(f"file = '{self.file}' must lie beside or below the scene file")
-        return self
+            yield f"file = '{self.file}' must lie beside or below the scene file"
 
 
 class Mesh(Hull):

@@ -1,25 +1,14 @@
 """Grains, materials and contacts of a scene."""
 
+from collections.abc import Iterator
 from math import dist, hypot, pi, sqrt
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from taichi_erosion.scene.schema.fields import (
-    LARGEST_GRAIN,
-    SMALLEST_GRAIN,
-    Direction,
-    Name,
-    Section,
-    Vector,
-    contradiction,
-    direction,
-    entry,
-    extent,
-    number,
-    point_field,
-)
+from taichi_erosion.scene.schema import fields
+from taichi_erosion.scene.schema.fields import Name, Section, Vector, entry, extent, number, point_field
 from taichi_erosion.scene.schema.geometry import Hull
 
 LIGHTEST = 25.0  # no solid has more than 23 g cm-3: smaller numbers are taken for that unit [kg m-3]
@@ -33,27 +22,23 @@ class Monodisperse(Section):
     """All grains alike."""
 
     in_metres_only = True
-
     law: Literal["monodisperse"]
-    diameter: float = number(..., "m", "grain diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
+    diameter: float = fields.grain_diameter(..., "grain diameter")
 
 
 class Lognormal(Section):
     """Numbers of grains distributed lognormally, cut at both ends."""
 
     in_metres_only = True
-
     law: Literal["lognormal"]
-    median: float = number(..., "m", "median by number, before truncation", SMALLEST_GRAIN, LARGEST_GRAIN)
+    median: float = fields.grain_diameter(..., "median by number, before truncation")
     sigma_log: float = number(..., "1", "standard deviation of ln diameter", 0.0, 2.0)
-    low: float = number(..., "m", "smallest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
-    high: float = number(..., "m", "largest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
+    low: float = fields.grain_diameter(..., "smallest diameter")
+    high: float = fields.grain_diameter(..., "largest diameter")
 
-    @model_validator(mode="after")
-    def _require_median_in_limits(self) -> "Lognormal":
+    def contradictions(self) -> Iterator[str]:
         if not self.low <= self.median <= self.high:
-            raise contradiction("low <= median <= high must hold")
-        return self
+            yield "low <= median <= high must hold"
 
 
 class Sieve(Section):
@@ -63,27 +48,24 @@ class Sieve(Section):
     """
 
     in_metres_only = True
-
     law: Literal["sieve"]
     table: Name | None = entry(None, "name of a shipped sieve table")
     rows: tuple[SieveRow, ...] = number((), "m, m, any mass", "size classes: low, high, mass", 0.0, MOST_MASS)
-    low: float | None = number(None, "m", "lower cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
-    high: float | None = number(None, "m", "upper cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
+    low: float | None = fields.grain_diameter(None, "lower cut of the tabulated curve")
+    high: float | None = fields.grain_diameter(None, "upper cut of the tabulated curve")
     scale: float = number(1.0, "1", "simulated over tabulated diameter (coarse graining)", 1e-2, 1e3)
 
-    @model_validator(mode="after")
-    def _require_ascending_sizes(self) -> "Sieve":
+    def contradictions(self) -> Iterator[str]:
         if bool(self.rows) == (self.table is not None):
-            raise contradiction("needs either table or rows")
+            yield "needs either table or rows"
+        least, most = fields.SMALLEST_GRAIN, fields.LARGEST_GRAIN
         for row in self.rows:
-            if not SMALLEST_GRAIN <= row[0] < row[1] <= LARGEST_GRAIN:
-                needed = f"{SMALLEST_GRAIN} <= low < high <= {LARGEST_GRAIN} m"
-                raise contradiction(f"row {list(row)} needs {needed}")
+            if not least <= row[0] < row[1] <= most:
+                yield f"row {list(row)} needs {least} <= low < high <= {most} m"
         if any(b[0] < a[1] for a, b in zip(self.rows, self.rows[1:], strict=False)):
-            raise contradiction("rows must ascend without overlap")
+            yield "rows must ascend without overlap"
         if self.low is not None and self.high is not None and self.low >= self.high:
-            raise contradiction("low must be smaller than high")
-        return self
+            yield "low must be smaller than high"
 
 
 Size = Annotated[Monodisperse | Lognormal | Sieve, Field(discriminator="law")]
@@ -102,11 +84,9 @@ class Clump(Section):
     template: Literal["pair", "tripod", "tetrahedron"] | None = entry(None, "a shipped template")
     spheres: tuple[ClumpSphere, ...] = Field((), max_length=64, description="spheres of an own template")
 
-    @model_validator(mode="after")
-    def _require_one_shape_source(self) -> "Clump":
+    def contradictions(self) -> Iterator[str]:
         if bool(self.spheres) == (self.template is not None):
-            raise contradiction("needs either template or spheres")
-        return self
+            yield "needs either template or spheres"
 
 
 class Kind(Section):
@@ -141,7 +121,6 @@ class Grains(Section):
         json_schema_extra={"oneOf": [{"required": ["size", "material"]}, {"required": ["kinds"]}]}
     )
     later = ("kinds",)
-
     count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
     kinds: dict[Name, Kind] = entry(
         {}, "kinds of grains by their names under [materials], in place of size and material"
@@ -159,7 +138,7 @@ class Grains(Section):
     @classmethod
     def _refuse_table_list(cls, table: Any) -> Any:
         if isinstance(table, (list, tuple)):
-            raise contradiction("kinds stand in tables [grains.kinds.MATERIAL], and count in [grains]")
+            raise fields.contradiction("kinds stand in tables [grains.kinds.MATERIAL], and count in [grains]")
         return table
 
     @field_validator("size", "material")
@@ -168,7 +147,7 @@ class Grains(Section):
         if value is None and not about.data.get("kinds", True):
             raise PydanticCustomError("missing", "missing")
         if value is not None and about.data.get("kinds"):
-            raise contradiction("stands in every kind of [grains.kinds]; leave it out here")
+            raise fields.contradiction("stands in every kind of [grains.kinds]; leave it out here")
         return value
 
     @property
@@ -209,11 +188,9 @@ class Material(Section):
     poisson_ratio: float = number(..., "1", "Poisson ratio", 0.0, 0.5)
     softening: Softening | None = entry(None, "names the scaling rule where stiffness is reduced")
 
-    @model_validator(mode="after")
-    def _require_one_modulus(self) -> "Material":
+    def contradictions(self) -> Iterator[str]:
         if (self.shear_modulus is None) == (self.young_modulus is None):
-            raise contradiction("needs shear_modulus or young_modulus, and only one of them")
-        return self
+            yield "needs shear_modulus or young_modulus, and only one of them"
 
 
 class Contact(Section):
@@ -268,11 +245,10 @@ class GrainStart(Section):
 
     in_metres_only = True
     later = ("kind",)
-
     position: Vector = point_field(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
-    diameter: float | None = number(None, "m", "diameter; left out: nominal", SMALLEST_GRAIN, LARGEST_GRAIN)
+    diameter: float | None = fields.grain_diameter(None, "diameter; left out: nominal")
     kind: Name | None = entry(None, "its name under [grains.kinds]")
 
 
@@ -306,7 +282,7 @@ class Lattice(JitteredNet):
     law: Literal["lattice"]
     pitch: float = extent(..., "distance of neighbours")
     centre: Vector = point_field((0.0, 0.0, 0.0), "centre of the cylinder")
-    axis: Direction = direction((0.0, 0.0, 1.0), "direction of the axis")
+    axis: fields.Direction = fields.direction((0.0, 0.0, 1.0), "direction of the axis")
     radius: float = extent(..., "radius that holds the centres")
     length: float = extent(..., "length that holds the centres")
 
@@ -327,18 +303,16 @@ class Inlet(Section):
     share: float = number(1.0, "1", "its share of the grains among inlets, in any unit", 1e-6, MOST_MASS)
     kind: Name | None = entry(None, "kind of grains that alone passes; left out: all")
 
-    @model_validator(mode="after")
-    def _require_one_shape(self) -> "Inlet":
+    def contradictions(self) -> Iterator[str]:
         shapes = [name for name in ("radius", "size", "end", "mesh") if getattr(self, name) is not None]
         alone = 0 if getattr(self, "inlets", {}) else 1
         if (len(shapes), self.centre is None) != (alone, alone == 0 or self.mesh is not None):
             words = "centre and one of radius (disc), size (rectangle), end (line), or mesh without centre"
-            raise contradiction(f"needs {words}; beside inlets none of these")
+            yield f"needs {words}; beside inlets none of these"
         if self.centre and self.end and self.centre[2] != self.end[2]:
-            raise contradiction("the line from centre to end must be horizontal")
+            yield "the line from centre to end must be horizontal"
         if self.rate is not None and self.mass_rate is not None:
-            raise contradiction("rate and mass_rate state the same; leave one out")
-        return self
+            yield "rate and mass_rate state the same; leave one out"
 
     @property
     def middle(self) -> Vector:
@@ -363,7 +337,6 @@ class Pour(Inlet):
     """Grains pass one inlet, or several."""
 
     later = ("begin", "share", "kind", "inlets")
-
     law: Literal["pour"]
     inlets: dict[Name, Inlet] = entry({}, "inlets by names, in place of one")
 

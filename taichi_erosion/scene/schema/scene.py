@@ -4,25 +4,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from math import isfinite
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from taichi_erosion.core import setup
 from taichi_erosion.core.errors import did_you_mean
+from taichi_erosion.scene.schema import fields
 from taichi_erosion.scene.schema.conditions import Conditions
-from taichi_erosion.scene.schema.fields import (
-    FASTEST,
-    Direction,
-    Name,
-    PairName,
-    SceneFile,
-    Section,
-    Vector,
-    contradiction,
-    direction,
-    entry,
-    number,
-    point_field,
-)
+from taichi_erosion.scene.schema.fields import Direction, Name, Vector, direction, entry, number, point_field
 from taichi_erosion.scene.schema.geometry import ORIGIN, Domain, Wall
 from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material, contact_of_two_kinds
 from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Threshold, Wind
@@ -44,15 +32,12 @@ LONGEST = 1e5  # longest [s]
 MOST_REPLICAS = 100_000
 
 MotionRow = tuple[float, float, float, float, float, float, float]
-Known = Mapping[str, Collection[str]]
-
-
 Kind = Literal[
     "repose", "collapse", "lifting", "drum", "incline", "settling", "packed_bed", "threshold", "saltation"
 ]
 
 
-class Head(Section):
+class Head(fields.Section):
     """What the scene is."""
 
     kind: Kind | None = entry(None, "kind of apparatus; left out: one of your own")
@@ -63,7 +48,7 @@ class Head(Section):
     )
 
 
-class Run(Section):
+class Run(fields.Section):
     """How the scene is repeated and stepped."""
 
     replicas: int = number(1, "1", "independent repeats", 1, MOST_REPLICAS)
@@ -79,14 +64,14 @@ class Run(Section):
     )
 
 
-class Gravity(Section):
+class Gravity(fields.Section):
     """Weight."""
 
     magnitude: float = number(9.81, "m s-2", "acceleration of gravity", 0.0, 1e4)
     direction: Direction = direction((0.0, 0.0, -1.0), "direction of gravity at the start")
 
 
-class LawChoice(Section):
+class LawChoice(fields.Section):
     """Law in every contact slot; the defaults are those of core.setup.Laws."""
 
     normal: setup.NormalLaw = entry(setup.Laws.normal, "normal force")
@@ -105,12 +90,11 @@ class LawChoice(Section):
     )
 
 
-class Movement(Section):
+class Movement(fields.Section):
     """Rigid motion of a surface during a stage."""
 
     later = ("table", "axis", "fastest")
-
-    velocity: Vector = number(ORIGIN, "m s-1", "velocity", -FASTEST, FASTEST)
+    velocity: Vector = number(ORIGIN, "m s-1", "velocity", -fields.FASTEST, fields.FASTEST)
     spin: Vector = number(ORIGIN, "rad s-1", "angular velocity", -1e4, 1e4)
     centre: Vector = point_field(ORIGIN, "a point of the spin axis, also of a torque")
     table: tuple[MotionRow, ...] = number(
@@ -126,25 +110,22 @@ class Movement(Section):
     )
     torque: float | None = number(None, "N m", "torque about `axis`, likewise", -1e6, 1e6)
     axis: Direction = direction((0.0, 0.0, 1.0), "axis of force or torque")
-    fastest: float = number(0.1, "m s-1 or rad s-1", "largest speed of the servo", 1e-9, FASTEST)
+    fastest: float = number(0.1, "m s-1 or rad s-1", "largest speed of the servo", 1e-9, fields.FASTEST)
 
-    @model_validator(mode="after")
-    def _require_one_motion(self) -> "Movement":
+    def contradictions(self) -> Iterator[str]:
         if self.force is not None and self.torque is not None:
-            raise contradiction("force and torque: a servo keeps one of them")
+            yield "force and torque: a servo keeps one of them"
         if self.table and (any(self.velocity) or any(self.spin)):
-            raise contradiction("table: it states velocity and spin; leave these out")
+            yield "table: it states velocity and spin; leave these out"
         times = [row[0] for row in self.table]
         if len(times) == 1 or times != sorted(set(times)):
-            raise contradiction("table needs two rows at least, with times that rise")
-        return self
+            yield "table needs two rows at least, with times that rise"
 
 
-class Stage(Section):
+class Stage(fields.Section):
     """One act of the experiment; changes happen at its beginning."""
 
     later = ("steady_air",)
-
     name: Name = Field(description="name by which measures refer to it")
     until: Literal["rest", "time", "threshold"] = entry(
         "rest", "rest: when grains rest; time: after duration_max; threshold: when thresholds are found"
@@ -169,18 +150,15 @@ class Stage(Section):
         None, "m s-1", "superficial velocity of air rising through the bed from now on", -100.0, 100.0
     )
 
-    @model_validator(mode="after")
-    def _check_stage_times(self) -> "Stage":
+    def contradictions(self) -> Iterator[str]:
         if self.duration_min > self.duration_max:
-            raise contradiction("duration_min exceeds duration_max")
-        return self
+            yield "duration_min exceeds duration_max"
 
 
-class Measure(Section):
+class Measure(fields.Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
     later = ("plane_normal", "walls", "axis", "centre")
-
     stage: Name | None = entry(None, "stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
@@ -202,7 +180,7 @@ class Measure(Section):
     )
 
 
-class Measured(Section):
+class Measured(fields.Section):
     """A laboratory's value, printed beside the simulated one."""
 
     value: float = number(..., "unit of the observable", "mean of the repeats")
@@ -212,7 +190,7 @@ class Measured(Section):
     same_size: bool = entry(False, "measured on a heap of as many grains as the scene's")
 
 
-class Record(Section):
+class Record(fields.Section):
     """What the recording keeps."""
 
     every: float = number(0.01, "s", "interval of frames", 1e-9, LONGEST)
@@ -220,11 +198,10 @@ class Record(Section):
     fields: bool = entry(False, "coarse-grained fields over the height too: solid fraction, velocity, stress")
 
 
-class Scene(SceneFile):
+class Scene(fields.SceneFile):
     """One physical situation."""
 
     later = ("domain",)
-
     scene: Head
     conditions: Conditions = Conditions()
     run: Run = Run()
@@ -232,7 +209,7 @@ class Scene(SceneFile):
     grains: Grains
     materials: dict[Name, Material] = Field(min_length=1)
     laws: LawChoice = LawChoice()
-    contact: dict[PairName, Contact] = Field(min_length=1)
+    contact: dict[fields.PairName, Contact] = Field(min_length=1)
     geometry: dict[Name, Wall] = Field({})
     domain: Domain = Domain()
     fill: Fill
@@ -251,7 +228,6 @@ class Scene(SceneFile):
 
     @property
     def grain_materials(self) -> dict[str, Material]:
-        """Materials of the grains by name."""
         return {name: self.materials[name] for name in self.grains.parts}
 
     @property
@@ -261,7 +237,6 @@ class Scene(SceneFile):
 
     @property
     def wall_material_names(self) -> set[str]:
-        """Names of the materials of all walls."""
         return {wall.material for wall in self.geometry.values()}
 
     def contact_of_materials(self, a: str, b: str) -> Contact | None:
@@ -352,7 +327,7 @@ def surface_problems(scene: Scene) -> Iterator[str]:
                 yield f"stages.{place}.move.{name} is not standing: {', '.join(sorted(standing))}"
 
 
-def effect_problems(scene: Scene, library: Known) -> Iterator[str]:
+def effect_problems(scene: Scene, library: Mapping[str, Collection[str]]) -> Iterator[str]:
     """Effects and parameters that the library (name -> its entries) does not have."""
     for name, values in scene.effects.items():
         if name not in library:

@@ -63,7 +63,6 @@ class Unit:
 
 
 PURE = Unit(1.0)
-PRESSURE: Kind = (("kilogram", 1), ("meter", -1), ("second", -2))
 SIZES: dict[Kind, dict[str, float]] = {
     (): {"1": 1.0, "percent": 0.01},
     (("meter", 1),): {"m": 1.0, "cm": 0.01, "mm": 1e-3, "um": 1e-6},
@@ -71,7 +70,7 @@ SIZES: dict[Kind, dict[str, float]] = {
     (("second", 1),): {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0},
     (("radian", 1),): {"rad": 1.0, "deg": pi / 180.0},
     (("kelvin", 1),): {"K": 1.0},
-    PRESSURE: {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
+    (("kilogram", 1), ("meter", -1), ("second", -2)): {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
 }
 # the units of most tables: they need no dictionary, which takes long to load
 USUAL = {name: Unit(size, kind) for kind, sizes in SIZES.items() for name, size in sizes.items()}

@@ -1,14 +1,12 @@
 """Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
+from collections.abc import Iterator
 from typing import Literal
-
-from pydantic import model_validator
 
 from taichi_erosion.core.air_setup import Closure
 from taichi_erosion.core.setup import Coupling, DragLaw, Laws
-from taichi_erosion.scene.schema.fields import FARTHEST, Section, contradiction, entry, extent, number
+from taichi_erosion.scene.schema.fields import FARTHEST, Section, entry, extent, number
 
-Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
 COLUMNS_LEAST = 4  # in each direction of a grid: fewer carry no wave
 LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind [s]
@@ -30,7 +28,7 @@ class Wind(Section):
     density: float = number(1.225, "kg m-3", "density of the air", 1e-3, 1e3)
     viscosity: float = number(1.46e-5, "m2 s-1", "kinematic viscosity of the air", 1e-8, 1.0)
     drag: DragLaw = entry(Laws.drag, "law of drag on a grain")
-    columns: Columns = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
+    columns: tuple[int, int] = number((1, 1), "1", "columns of cells downwind and across", 1, COLUMNS_MOST)
     closure: Closure = entry(
         "mixing_length", "turbulence closure; smagorinsky, or none, lets a grid have eddies"
     )
@@ -57,11 +55,9 @@ class Wind(Section):
     )
     through_flow: float = number(0.0, "m s-1", "superficial velocity of air up the bed", -100.0, 100.0)
 
-    @model_validator(mode="after")
-    def _check_order_of_entries(self) -> "Wind":
+    def contradictions(self) -> Iterator[str]:
         if self.surface is not None and self.surface >= self.height:
-            raise contradiction("surface must lie below height: the lid is inside the bed")
-        return self
+            yield "surface must lie below height: the lid is inside the bed"
 
 
 class Threshold(Section):
@@ -74,7 +70,6 @@ class Threshold(Section):
     """
 
     later = ("steady_air", "landings")
-
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
     first: float | None = number(
