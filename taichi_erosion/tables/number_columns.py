@@ -23,7 +23,7 @@ from taichi_erosion.tables.headings import (
 )
 
 CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
-SAME = 0.998  # share of a column's variance that a parabola or line of another one explains: they are one
+SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
 EXACT = 1e-5  # share that is left where both are one quantity in many digits
 ROUNDED = 4.0  # variance that is left over that of rounding, up to which both are one quantity
 AGAIN, ALIKE = "it follows the measured quantity within their digits", "it changes with"
@@ -138,10 +138,8 @@ def why_column_is_no_condition(
     if not is_set_by_hand(heading, values) and any(computed):
         return AGAIN
     is_code = whole and np.ptp(values) == distinct.size - 1  # of kinds
-    kind = unit_kind(heading)
-    alike = [t for t, x in others.items() if unit_kind(t) == kind and are_on_line(values, x)]
-    same = [*alike, *(t for t, x in others.items() if is_code and follows(values, x))]
-    if same and not is_dose(heading):
+    same = [t for t, x in others.items() if is_code and follows(values, x)]
+    if same:
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
@@ -235,12 +233,7 @@ def steps_of_one_sign(column: Floats, other: Floats) -> int:
 def vary_together(column: Floats, other: Floats) -> bool:
     """Whether two conditions vary as one, along a line or at five values and more: no row separates them."""
     steps = steps_of_one_sign(np.nan_to_num(column), np.nan_to_num(other))
-    return steps >= 4 or (steps >= 2 and are_on_line(column, other))
-
-
-def are_on_line(column: Floats, other: Floats) -> bool:
-    varies = min(np.ptp(column), np.ptp(other)) > 0.0
-    return bool(varies and np.corrcoef(column, other)[0, 1] ** 2 > SAME)
+    return bool(steps >= 4 or (steps >= 2 and np.corrcoef(column, other)[0, 1] ** 2 > SAME))
 
 
 def is_parabola_of(column: Floats, other: Floats) -> bool:
