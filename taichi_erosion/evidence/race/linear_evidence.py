@@ -258,18 +258,18 @@ def row_evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
     evidence, k = evidence_beside_bad_rows(rows, u, steps, {}), rows.block_count
     narrow = np.append(evidence.solution.u[:k], np.zeros(u.size - k))
     if not evidence.bad and np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
-        bad, _ = add_worst_row(rows.at_scales(narrow), {})
+        bad, _ = add_worst_row(rows.at_scales(narrow), {}, BLUNDERS)
         other = evidence_beside_bad_rows(rows, narrow, steps, bad)
         return max(evidence, other, key=lambda each: each.log_evidence)
     return evidence
 
 
 def evidence_beside_bad_rows(rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int]) -> Evidence:
-    """The same with some rows that are bad."""
+    """The same with some rows that are bad: of the smaller size where scales stay, far from an optimum."""
     most = max(1, rows.y.size // 12)
     while True:
         now = optimise_scales(rows.correct_bad_rows(bad), u, steps)
-        more, gain = add_worst_row(now, bad)
+        more, gain = add_worst_row(now, bad, BLUNDERS if steps else 1)
         if np.max(gain) < 1.0 or len(bad) >= most:
             break
         bad, u = more, now.u
@@ -278,7 +278,7 @@ def evidence_beside_bad_rows(rows: LinearRows, u: Floats, steps: int, bad: Mappi
     return Evidence(now, bad, total)
 
 
-def add_worst_row(now: LinearPosterior, bad: Mapping[int, int]) -> tuple[dict[int, int], Floats]:
+def add_worst_row(now: LinearPosterior, bad: Mapping[int, int], sizes: int) -> tuple[dict[int, int], Floats]:
     """Bad rows with the worst of the others, and ln of o L (n, k) of each row and way of being bad.
 
     o are the odds of a bad row; with P = V^-1 and a = P y of a blunder, e its additional variance, and of a
@@ -292,6 +292,6 @@ def add_worst_row(now: LinearPosterior, bad: Mapping[int, int]) -> tuple[dict[in
     blunder = -0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
     slip = now.rows.slips * residual - 0.5 * now.rows.slips**2 * diagonal
     gain = ODDS + np.nan_to_num(np.hstack([blunder, slip]), nan=-np.inf)
-    gain[[*bad]] = gain[now.rows.scatter < 0] = -np.inf
+    gain[:, sizes:BLUNDERS] = gain[[*bad]] = gain[now.rows.scatter < 0] = -np.inf
     row, way = np.unravel_index(np.argmax(gain), gain.shape)
     return {**bad, int(row): int(way)}, gain
