@@ -21,7 +21,14 @@ from taichi_erosion.evidence.data.transforms import from_scale, to_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import EACH_SET_UP, Block, columns_of, error_blocks, unlisted_blocks
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
-from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, one_scale, row_evidence
+from taichi_erosion.evidence.race.linear_evidence import (
+    BLUNDERS,
+    Evidence,
+    LinearRows,
+    Scales,
+    one_scale,
+    row_evidence,
+)
 from taichi_erosion.evidence.race.priors import SEED
 
 OUTSIDE = "outside_library"  # what no list holds: its name where a mechanism has its own
@@ -195,7 +202,7 @@ class Race:
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.censored_deviance
 
     def fit_at_scales(
-        self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False
+        self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False, sizes: int = 1
     ) -> Fit:
         """The evidence of an expansion; scales from `start`, with `fresh` from priors and large ones too."""
         rows, extra = self.linear(at)
@@ -203,7 +210,8 @@ class Race:
         if fresh:  # a large scatter is an optimum too, where rows share their errors
             shared = np.isin(rows.scales.names, ("source", "preparation", "batch", "group"))
             starts += [rows.scales.initial + size * shared for size in (0.0, 3.0)]
-        solution = max((row_evidence(rows, u, steps) for u in starts), key=lambda each: each.log_evidence)
+        solutions = (row_evidence(rows, u, steps, sizes) for u in starts)
+        solution = max(solutions, key=lambda each: each.log_evidence)
         settings: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**settings, evidence=replace(solution, log_evidence=solution.log_evidence + extra))
 
@@ -220,7 +228,7 @@ class Race:
         limits = work.censored_deviance - float(np.sum(work.residual**2))
         return float(share @ gap**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
-    def gauss_newton(self, fit: Fit, most: int, steps: int = 6) -> Fit:
+    def gauss_newton(self, fit: Fit, most: int, steps: int = 6, sizes: int = 1) -> Fit:
         """At most so many damped steps to a better setting, each with so many steps of the scales.
 
         Slopes are updated where a step gains what they promise, else taken anew.
@@ -231,7 +239,7 @@ class Race:
             if step is None and fresh:
                 break
             if step is None:
-                fit, fresh = self.fit_at_scales(self.renew_slopes(fit), steps, fit.scales), True
+                fit, fresh = self.fit_at_scales(self.renew_slopes(fit), steps, fit.scales, sizes=sizes), True
                 continue
             v, mean, damping, gain, share = step
             if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
@@ -240,7 +248,7 @@ class Race:
                 move = v - fit.v
                 turn = np.outer(mean - fit.mean - fit.jacobian @ move, move) / max(move @ move, 1e-6)
                 fit = replace(fit, v=v, mean=mean, jacobian=fit.jacobian + turn)
-            fit = self.fit_at_scales(fit, steps, fit.scales)
+            fit = self.fit_at_scales(fit, steps, fit.scales, sizes=sizes)
             if gain < (SLACK if self.model.noisy else 0.1 * SLACK):
                 break
         return fit
@@ -287,7 +295,16 @@ class Race:
         fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
         fit = self.gauss_newton(self.fit_at_scales(self.renew_slopes(fit), 0), MOST_STEPS, 0)
         fit = self.gauss_newton(self.fit_at_scales(self.renew_slopes(fit), start=fit.scales, fresh=True), 2)
-        return self.store_fit(replace(fit, is_optimum=True))
+        return self.store_fit(replace(self.try_bad_row(fit), is_optimum=True))
+
+    def try_bad_row(self, fit: Fit) -> Fit:
+        """The fit, or a better one beside a bad row where rows scatter more than is likely."""
+        now = fit.evidence.solution
+        if fit.evidence.bad or not np.any(now.u > np.nan_to_num(now.rows.scales.doubt, nan=np.inf)):
+            return fit
+        start = self.fit_at_scales(fit, start=fit.scales, sizes=BLUNDERS)
+        other = self.gauss_newton(start, 2, sizes=BLUNDERS)
+        return max(fit, other, key=lambda each: each.log_evidence)
 
     def polish(self, fit: Fit) -> Fit:
         """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
@@ -295,7 +312,7 @@ class Race:
         last = self.renew_slopes(fit)
         if self.model.noisy:
             last = replace(last, mean=self.model.precise_mean(fit.hypothesis.names, fit.v))
-        return self.store_fit(self.fit_at_scales(last, start=fit.scales))
+        return self.store_fit(self.try_bad_row(self.fit_at_scales(last, start=fit.scales)))
 
     def store_fit(self, fit: Fit) -> Fit:
         """The fit, which replaces an earlier one of its hypothesis."""

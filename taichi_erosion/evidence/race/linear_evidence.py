@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.race.priors import BAD_ROW, BAD_SD, SLIP
 
 BLUNDERS = len(BAD_SD)  # ways of being bad; then come a value ten times too large and one too small
-CHANCES = (BAD_ROW / BLUNDERS,) * BLUNDERS + (SLIP, SLIP)
+CHANCES = (BAD_ROW,) * BLUNDERS + (SLIP, SLIP)
 ODDS = np.log([chance / (1.0 - chance) for chance in CHANCES])
 
 
@@ -250,26 +250,30 @@ class Evidence:
         return density
 
 
-def row_evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
+def row_evidence(rows: LinearRows, u: Floats, steps: int, sizes: int = 1) -> Evidence:
     """Evidence with every row that is likelier bad than not, summed over one more.
 
-    Where the scatter grows beyond its doubt, one bad row may be the cause: it is tried.
+    Where the scatter grows beyond its doubt, a slip of the decimal point may be the cause, or with all
+    `sizes` of blunders any bad row: it is tried.
     """
-    evidence, k = evidence_beside_bad_rows(rows, u, steps, {}), rows.block_count
+    evidence, k = evidence_beside_bad_rows(rows, u, steps, {}, sizes), rows.block_count
     narrow = np.append(evidence.solution.u[:k], np.zeros(u.size - k))
     if not evidence.bad and np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
-        bad, _ = add_worst_row(rows.at_scales(narrow), {}, BLUNDERS)
-        other = evidence_beside_bad_rows(rows, narrow, steps, bad)
+        bad, _ = add_worst_row(rows.at_scales(narrow), {}, sizes)
+        tried = sizes == BLUNDERS or max(bad.values()) >= BLUNDERS
+        other = evidence_beside_bad_rows(rows, narrow, steps, bad, sizes) if tried else evidence
         return max(evidence, other, key=lambda each: each.log_evidence)
     return evidence
 
 
-def evidence_beside_bad_rows(rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int]) -> Evidence:
-    """The same with some rows that are bad: of the smaller size where scales stay, far from an optimum."""
+def evidence_beside_bad_rows(
+    rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int], sizes: int
+) -> Evidence:
+    """The same with some rows that are bad, by blunders of the first `sizes`."""
     most = max(1, rows.y.size // 12)
     while True:
         now = optimise_scales(rows.correct_bad_rows(bad), u, steps)
-        more, gain = add_worst_row(now, bad, BLUNDERS if steps else 1)
+        more, gain = add_worst_row(now, bad, sizes)
         if np.max(gain) < 1.0 or len(bad) >= most:
             break
         bad, u = more, now.u

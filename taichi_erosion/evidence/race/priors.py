@@ -27,7 +27,7 @@ class Priors:
 
 PRIORS = Priors()
 MOST = 4  # effects at once: more rows than a table has would be needed to tell five
-BAD_ROW, BAD_SD = 0.01, (10.0, 100.0)  # chance that a row is bad, and its sd over its own, either as likely
+BAD_ROW, BAD_SD = 0.01, (10.0, 100.0)  # chance that a row is bad by each size: its sd over its own
 SLIP = 0.001  # chance that a value is ten times too large, and that it is ten times too small
 LENGTH = 0.5  # of a smooth discrepancy, over the range of a condition
 SURE = 0.9  # probability from which a thing is said
