@@ -75,7 +75,6 @@ def decide_cause(posterior: Posterior) -> Decision:
     sound = {name: beyond[name] for name, fit in likeliest.items() if is_adequate(fit, FAMILYWISE)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
     second_causes = both or (OUTSIDE,) * (any_acts(posterior, [OUTSIDE]) >= SURE)
-    named = named if second_causes else tuple(each for each in named if is_needed(race, named, each))
     if (named or group) and not rows_do_not_refute(posterior, named, group, second_causes):
         named, group, refuted = (), (), (*named, *group)
     imitators = imitating_conditions(race, named, group)
@@ -147,12 +146,6 @@ def rows_do_not_refute(posterior: Posterior, named: Acting, group: Acting, besid
     medians = {name: quantiles(*posterior.strength_draws(name))[1] for name in best.hypothesis.names}
     listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
     return listed and is_adequate(best, 1.0 - SURE)
-
-
-def is_needed(race: Race, named: Acting, name: str) -> bool:
-    """Whether the rows do not agree with what else is named, without one of it."""
-    rest = race.fits.get(Hypothesis(tuple(sorted({*named} - {name}))))
-    return rest is None or not is_adequate(rest, 1.0 - SURE)
 
 
 def imitating_conditions(race: Race, named: Acting, group: Acting) -> dict[str, Acting]:

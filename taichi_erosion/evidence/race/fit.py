@@ -300,7 +300,7 @@ class Race:
     def try_bad_row(self, fit: Fit) -> Fit:
         """The fit, or a better one beside a bad row where rows scatter more than is likely."""
         now = fit.evidence.solution
-        if fit.evidence.bad or not np.any(now.u > np.nan_to_num(now.rows.scales.doubt, nan=np.inf)):
+        if not np.any(now.u > np.nan_to_num(now.rows.scales.doubt, nan=np.inf)):
             return fit
         start = self.fit_at_scales(fit, start=fit.scales, sizes=BLUNDERS)
         other = self.gauss_newton(start, 2, sizes=BLUNDERS)

@@ -258,7 +258,7 @@ def row_evidence(rows: LinearRows, u: Floats, steps: int, sizes: int = 1) -> Evi
     """
     evidence, k = evidence_beside_bad_rows(rows, u, steps, {}, sizes), rows.block_count
     narrow = np.append(evidence.solution.u[:k], np.zeros(u.size - k))
-    if not evidence.bad and np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
+    if np.any(evidence.solution.u[k:] > rows.scales.doubt[k:]):
         bad, _ = add_worst_row(rows.at_scales(narrow), {}, sizes)
         tried = sizes == BLUNDERS or max(bad.values()) >= BLUNDERS
         other = evidence_beside_bad_rows(rows, narrow, steps, bad, sizes) if tried else evidence
