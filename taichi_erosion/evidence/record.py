@@ -48,7 +48,6 @@ class DecisionPart:
     refuted: tuple[str, ...] = ()  # would be named, but the fit fails or the strength is beyond the list
     imitators: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # effect that would be named ->
     # conditions that no effect reads and that vary with it: either may act
-    pivotal_row: int = 0  # of the table, without which likelier not all of this would act; 0: none
     probabilities: Mapping[str, float]  # "none", "each_set_up", "outside_library", "a", "a+b"
     p: float  # chance of a name as good if nothing acts
     unlisted: float = 0.0  # probability that something not in the list acts, alone or beside effects

@@ -220,7 +220,17 @@ def differs_between_groups(values: Floats, rest: Floats) -> bool:
     groups = [tuple(np.unique(values[rest == each])) for each in np.unique(rest)]
     sets = [levels for levels in groups if len(levels) > 1]
     differ = len(sets) > len(groups) / 2 and len({*sets}) > len(sets) / 2
-    return differ and np.unique(values).size > 1 + max(map(len, sets))
+    return (
+        differ and np.unique(values).size > 1 + max(map(len, sets)) and not group_means_differ(values, rest)
+    )
+
+
+def group_means_differ(values: Floats, rest: Floats) -> bool:
+    """Whether means of groups differ by more than values within them do (F test)."""
+    same = rest[:, np.newaxis] == np.unique(rest)
+    within = np.sum((values - same @ (values @ same / same.sum(axis=0))) ** 2)
+    between, free = np.sum((values - values.mean()) ** 2) - within, values.size - same.shape[1]
+    return bool(fdtrc(same.shape[1] - 1, free, between / within * free / (same.shape[1] - 1)) < CHANCE)
 
 
 def steps_of_one_sign(column: Floats, other: Floats) -> int:

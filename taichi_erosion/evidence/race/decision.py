@@ -86,7 +86,6 @@ def decide_cause(posterior: Posterior) -> Decision:
     if both or (verdict == "none_detected" and (outside >= SURE or set(leading) & set(mechanisms))):
         verdict = "outside_library"
     leading = leading if verdict == "outside_library" else ()
-    more = (OUTSIDE, *mechanisms) if not leading and outside >= SURE else leading if len(both) < 2 else ()
     return Decision(
         verdict=verdict,
         named=named,
@@ -95,31 +94,12 @@ def decide_cause(posterior: Posterior) -> Decision:
         together=len(both) > 1,
         refuted=refuted,
         imitators=imitators,
-        pivotal_row=pivotal_row(posterior, {*named, *(both if len(both) > 1 else ())}, group, more),
         probabilities=probabilities_of_explanations(posterior, {*effects, *mechanisms}),
         p=chance,
         unlisted=outside,
         inclusion=inclusion,
         beyond=beyond,
     )
-
-
-def pivotal_row(posterior: Posterior, firm: set[str], *either: Acting) -> int:
-    """Line of the measurement without which it is likelier that not all acts that is told; 0: none.
-
-    All of `firm` act, and one of each group. A bad row makes what no other row shows.
-    """
-    groups = [{*names} for names in either if names]
-    if not (firm or groups):
-        return 0
-    chances = {
-        line: sum(
-            p for h, p in rest.probability.items() if h.acting >= firm and all(h.acting & g for g in groups)
-        )
-        for line, rest in posterior.without_rows.items()
-    }
-    line = min(chances, key=lambda each: chances[each], default=0)
-    return line if chances.get(line, 1.0) < 0.5 else 0
 
 
 def probabilities_of_explanations(posterior: Posterior, names: set[str]) -> dict[str, float]:

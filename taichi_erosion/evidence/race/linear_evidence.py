@@ -236,19 +236,6 @@ class Evidence:
     bad: Mapping[int, int]  # row -> way of being bad, of CHANCES
     log_evidence: float
 
-    @cached_property
-    def log_densities(self) -> Floats:
-        """Ln density (n,) of each row given all others, but for a constant; of a bad one with its odds.
-
-        With P = V^-1: ln N(y_i | others) = 1/2 ln P_ii - 1/2 (P y)_i^2 / P_ii.
-
-        Reference: Sundararajan & Keerthi (2001), Neural Comput. 13, 1103.
-        """
-        residual, diagonal = self.solution.whitened
-        density = 0.5 * np.log(diagonal) - 0.5 * residual**2 / diagonal
-        density[[*self.bad]] += ODDS[[*self.bad.values()]]
-        return density
-
 
 def row_evidence(rows: LinearRows, u: Floats, steps: int, sizes: int = 1) -> Evidence:
     """Evidence with every row that is likelier bad than not, summed over one more.

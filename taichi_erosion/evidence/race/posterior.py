@@ -12,10 +12,8 @@ References: Hoeting et al. (1999), Stat. Sci. 14, 382 (averaging over models); G
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log
 
 import numpy as np
-from scipy.special import logsumexp
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import MOST_SETTINGS, Floats, Measurements, Problem, Progress
@@ -91,21 +89,6 @@ class Posterior:
         count, unit_values = self.race.model.count, self.race.model.numbers_in_units
         values = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
         return values, np.concatenate([each.weight for each in self.draws])
-
-    @cached_property
-    def without_rows(self) -> "dict[int, Posterior]":
-        """The posterior without each row that is a single measurement, by its line in the table.
-
-        At the same settings and scales.
-        """
-        rows, fits = self.race.prepared.rows, [self.race.fits[h] for h in self.probability]
-        scores = np.array([[log(p) if p > 0.0 else -np.inf] for p in self.probability.values()])
-        scores = scores - np.array([fit.evidence.log_densities for fit in fits])
-        shares, single = np.exp(scores - logsumexp(scores, axis=0)).T.tolist(), dict[int, Posterior]()
-        for share, lines, censored in zip(shares, rows.lines, rows.censored, strict=True):
-            if len(lines) == 1 and not censored:
-                single[lines[0]] = Posterior(self.race, dict(zip(self.probability, share, strict=True)))
-        return single
 
     @property
     def best_fit(self) -> Fit:

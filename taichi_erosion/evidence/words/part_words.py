@@ -262,9 +262,6 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
     firm, either = ([cause_text(name, record, voc) for name in names] for names in sure_and_group(record))
     chance = say.probability_text(record.unlisted)
-    pivot = record.pivotal_row
-    rests = [f"Without row {pivot} it would not be likely: check that row."] * bool(pivot)
-    missing = f"Missing, if row {pivot} is right" if pivot else "Missing"
     if firm or either:
         words = say.join_words([*firm, f"either {say.join_words(either, 'or')}"] if either else firm)
         open_ = "; these measurements do not tell which" if either else ""
@@ -274,10 +271,10 @@ def headline_text(record: Record, voc: say.Vocabulary) -> str:
             words = f"{words}, and beside it something not in the list (probability {chance})"
             more = [*curve_texts(record, voc)]
         more += [f"Also: {imitation_text(record, voc)}"] * bool(record.imitators)
-        return " ".join([f"{missing}: {words}{open_}.", *more, *rests])
+        return " ".join([f"Missing: {words}{open_}.", *more])
     if record.verdict == "outside_library":
         words = "something not in the list; no listed effect explains the data as the columns are read"
-        return " ".join([f"{missing}: {words} (probability {chance}).", *curve_texts(record, voc), *rests])
+        return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return no_name_sentence(record, voc)
 
 
@@ -382,9 +379,7 @@ def withheld_name_sentence(record: Record, voc: say.Vocabulary) -> str:
     refuted = [record.effects[name] for name in record.refuted]
     if record.imitators:
         return f"No effect is named: {imitation_text(record, voc)}"
-    why = (
-        "the rows do not agree with its law: another law or effect acts, or the scatter is larger than stated"
-    )
+    why = "the rows do not agree with its law: another law or effect acts, or they scatter more than stated"
     if record.vault is not None:
         why = "`adopt` found the model no better with it"
     elif strong := [part for part in refuted if part.strength > part.most]:
