@@ -257,7 +257,7 @@ def evidence_beside_bad_rows(
     rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int], sizes: int
 ) -> Evidence:
     """The same with some rows that are bad, by blunders of the first `sizes`."""
-    most = max(1, rows.y.size // 12)
+    most = max(1, rows.y.size // 6)
     while True:
         now = optimise_scales(rows.correct_bad_rows(bad), u, steps)
         more, gain = add_worst_row(now, bad, sizes)
