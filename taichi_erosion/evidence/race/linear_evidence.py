@@ -256,7 +256,7 @@ def row_evidence(rows: LinearRows, u: Floats, steps: int, sizes: int = 1) -> Evi
 def evidence_beside_bad_rows(
     rows: LinearRows, u: Floats, steps: int, bad: Mapping[int, int], sizes: int
 ) -> Evidence:
-    """The same with some rows that are bad, by blunders of the first `sizes`."""
+    """The same with some rows that are bad, at most one in six, by blunders of the first `sizes`."""
     most = max(1, rows.y.size // 6)
     while True:
         now = optimise_scales(rows.correct_bad_rows(bad), u, steps)
