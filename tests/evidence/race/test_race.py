@@ -72,9 +72,9 @@ def test_a_twin_of_what_acts_makes_a_group():
 
 
 def test_an_answer_at_the_cap_is_told_as_such():
-    posterior = infer(case(SINGLE).problem, SINGLE, most=60)
+    posterior = infer(case(SINGLE).problem, SINGLE, most=100)
     assert posterior.race.out_of_budget
-    assert (posterior.race.model.settings, race_record(posterior).stopped) == (60, "budget")
+    assert (posterior.race.model.settings, race_record(posterior).stopped) == (100, "budget")
     assert decide_cause(posterior).probabilities["none"] < 0.1  # what is known by then already
 
 
