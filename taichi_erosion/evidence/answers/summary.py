@@ -43,7 +43,8 @@ POWERS = 4  # of a condition, beside which another one has a trend of its own
 
 def race_record(posterior: Posterior, decision: Decision | None = None) -> Record:
     decision_used, race = decision or decide_cause(posterior), posterior.race
-    after, bare, model = fit_of_decision(posterior, decision_used), race.bare, race.model
+    after, model = fit_of_decision(posterior, decision_used), race.model
+    bare = weigh_rows_alike(race.bare, after)
     sound = is_adequate(posterior.best_fit)  # else what is missing looks like an error of rows and levels
     return Record(
         **vars(decision_used.decision_record),
@@ -68,6 +69,13 @@ def race_record(posterior: Posterior, decision: Decision | None = None) -> Recor
         runs=race.prepared.predictor.cost.runs,
         stopped="budget" if race.out_of_budget else "",
     )
+
+
+def weigh_rows_alike(fit: Fit, other: Fit) -> Fit:
+    """A fit at its scales with the weights of another: a row that this one follows is not bad before either."""
+    evidence, weight = fit.evidence, other.evidence.solution.rows.weight
+    solution = replace(evidence.solution.rows, weight=weight).at_scales(evidence.solution.u)
+    return replace(fit, evidence=replace(evidence, solution=solution, bad=other.evidence.bad))
 
 
 def mechanism_parts(decided: parts.DecisionPart, law: Law | None = None) -> dict[str, parts.MechanismPart]:
