@@ -72,7 +72,7 @@ def race_record(posterior: Posterior, decision: Decision | None = None) -> Recor
 
 
 def weigh_rows_alike(fit: Fit, other: Fit) -> Fit:
-    """A fit at its scales with the weights of another: a row that this one follows is not bad before either."""
+    """A fit at its scales with the weights of another: what the other one follows is no bad row."""
     evidence, weight = fit.evidence, other.evidence.solution.rows.weight
     solution = replace(evidence.solution.rows, weight=weight).at_scales(evidence.solution.u)
     return replace(fit, evidence=replace(evidence, solution=solution, bad=other.evidence.bad))
