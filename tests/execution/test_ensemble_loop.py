@@ -14,12 +14,6 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import ensemble_loop
-from taichi_erosion.execution.ensemble_loop import (
-    EnsembleRun,
-    advance_to_next_check,
-    failure_message,
-    failure_of_lost_grains,
-)
 from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import laws, load_scene
 from taichi_erosion.simulation import assemble, prepare, readback
@@ -83,7 +77,7 @@ def assert_not_loaded(code, forbidden, printed):
     ],
 )
 def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
-    said = failure_message(end, 11)
+    said = ensemble_loop.failure_message(end, 11)
     assert all(word in said for word in ("seed 11", "likely cause", *words))
     assert "\n" not in said
 
@@ -97,8 +91,8 @@ def test_a_check_of_falling_grains_asks_the_device_as_often_for_many_replicas_as
     monkeypatch.setattr(readback, "download", lambda *rows: (questions.append(rows), ask(*rows))[1])
     for count in (1, 3):
         sim = assemble([prepare(scene, k, {}) for k in range(count)], laws(scene), Numerics("cpu", 1))
-        ensemble = EnsembleRun([scene] * count, sim, [ReplicaState(k, 0) for k in range(count)])
-        advance_to_next_check(ensemble)
+        ensemble = ensemble_loop.EnsembleRun([scene] * count, sim, [ReplicaState(k, 0) for k in range(count)])
+        ensemble_loop.advance_to_next_check(ensemble)
         counts.append(len(questions))
         stop_device()
     assert counts[1] == 2 * counts[0]
@@ -110,6 +104,6 @@ def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
     for damage, _ in DAMAGES:
         changed = replace(state, **damage(state))
         monkeypatch.setattr(ensemble_loop.simulation, "snapshot", lambda *place, changed=changed: changed)
-        found.append(failure_of_lost_grains(sim, 0, 0.002))
+        found.append(ensemble_loop.failure_of_lost_grains(sim, 0, 0.002))
     stop_device()
     assert [end and end.status for end in found] == [status for _, status in DAMAGES]

@@ -317,8 +317,7 @@ def test_a_column_that_no_effect_of_scenes_reads_is_a_condition_but_for_blanks(t
         tmp_path, head.replace("salt", "straw") + rows.replace(",,", ",0,"), NewStudyOptions(anew=True)
     )
     assert study.problem.measurements.conditions["straw_content"].tolist() == [0.0, 5.0, 5.0]
-    scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
-    assert scene.conditions.extra["straw_content"].unit == "g/kg"
+    assert read_scene(tmp_path / "t" / "cylinder.toml", ()).conditions.extra["straw_content"].unit == "g/kg"
 
 
 SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 [mm],size_spread,d [mm],n

@@ -661,8 +661,7 @@ def test_grains_lie_anywhere_in_their_class(tmp_path):
     rows = "".join(
         f"{d};{w};0.{k + 2}{w};0.01;4\n" for k, d in enumerate(("0.1-0.2", "0.25-0.5")) for w in (0, 2)
     )
-    text = "sieve class (mm);moisture (%);u*t (m/s);SD;n\n" + rows
-    (tmp_path / "t.csv").write_text(text)
+    (tmp_path / "t.csv").write_text("sieve class (mm);moisture (%);u*t (m/s);SD;n\n" + rows)
     study = write_new_study(tmp_path / "t.csv", NewStudyOptions(closed_form=True), lambda _, guess: guess)
     problem = load_study(Path(study["study"])).problem
     errors, _ = condition_errors(comparison_rows(problem, problem.measurements))
