@@ -109,8 +109,7 @@ def test_every_command_prints_the_keys_of_the_page(studies, capsys):
 
 
 def test_proposed_experiments_have_the_keys_of_the_page(studies):
-    found = checked(ask("next", studies / "impact_threshold.toml"))
-    assert found["next_experiments"]
+    assert checked(ask("next", studies / "impact_threshold.toml"))["next_experiments"]
 
 
 def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(studies):

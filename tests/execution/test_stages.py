@@ -39,8 +39,7 @@ def test_the_wind_of_a_stage_is_that_stated_last_and_what_reaches_the_patch():
 
 
 def test_beds_of_one_scene_are_balanced_together_and_share_a_window():
-    steady = np.ones(240)
-    early = np.concatenate([np.full(60, 1.5), steady])  # a hump of 0.3 s
+    early = np.concatenate([np.full(60, 1.5), np.ones(240)])  # a hump of 0.3 s
     beds = [bed(1.15 * early), bed(0.85 * early)]
     together, alone, stopped = (steady_transport_window(SCENE, STAGE, some) for some in (beds, beds[:1], []))
     assert (together.lacking, bool(alone.lacking), stopped) == ((), True, None)

@@ -30,8 +30,7 @@ def standing(left, right=None, plate="strip", tilt=0.0, half=HALF_WIDTH, base=BA
     across = (column - COLUMNS / 2) * c + (row - base) * s
     up = (column - COLUMNS / 2) * s - (row - base) * c
     slopes = tan(radians(left)), tan(radians(right or left))
-    fall = np.where(across < 0.0, *slopes)
-    heap = (up > 0.0) & (up < half * min(slopes) - fall * np.abs(across))
+    heap = (up > 0.0) & (up < half * min(slopes) - np.where(across < 0.0, *slopes) * np.abs(across))
     return heap, (up <= 0.0) & (up > {"strip": -20.0, "whole": -np.inf, "none": 0.0}[plate]), across, up
 
 

@@ -277,8 +277,7 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
     assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
     text = "pore volume [mm3/g];settling velocity [m/s];sd\n0;1,91;0,1\n100;1,8;0,1\n200;1,7;0,1\n"
     folder, pull = tmp_path / "deep" / "er", (Path("my_pull.py"),)
-    wishes = NewStudyOptions(scene=Path("fall.toml"), effects=pull, folder=folder)
-    _, study = made(tmp_path, text, wishes)
+    _, study = made(tmp_path, text, NewStudyOptions(scene=Path("fall.toml"), effects=pull, folder=folder))
     assert study.file.study.effect_files == ("../../my_pull.py",)
     assert study.file.observables["settling_velocity"].scene == "../../fall.toml"
     assert study.problem.measurements.conditions["pore_volume"] == pytest.approx([0.0, 0.1, 0.2])

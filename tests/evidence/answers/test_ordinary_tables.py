@@ -18,6 +18,25 @@ from tests.evidence.asking import SILENT, ask
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
 ANGLE = {"angle of repose": "0.8 deg"}
+NARROW = ("1 below", "3 below", "13 below", "zeros")
+PLATEAU = {0: 31.1, 0.5: 34.2, 1: 36.1, 2: 38.3, 4: 39.7, 8: 40.4, 14: 38.6, 20: 35.4}  # % -> deg
+WET = [33.0, 32.8, 35.6, 32.9, 35.5, 35.7, 35.7, 35.8]  # of a repose angle that BL reads 2.7 deg higher
+DRY = ["AK;0", "AK;0.1", "BL;0.2", "AK;0.2", "BL;0.3", "BL;0.4", "BL;0.5", "BL;0.6"]
+AIRS = {
+    "temperature (°C)": ((-35, -20, -5, 10, 25, 40), lambda t: 293.0 / (273.0 + t)),
+    "altitude (m)": ((0, 900, 1700, 2600, 3500, 4400), lambda h: np.exp(-h / 8500.0)),
+}
+TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%),d\n" + "".join(
+    f"{name},{u},{f * u:.3g},{f * u + (0.1 if cover else -0.1):.3g},{cover},200 µm\n"
+    for name, f in (("A", 9.0), ("B", 5.0))
+    for u in (0.3, 0.5, 0.7)
+    for cover in (0, 5)
+)
+LAWS = {  # of the flux over C rho / g u*t^3, by u* / u*t -> interval that holds its power of u*
+    "Ungar & Haff": lambda u: u**2 - 1.0,
+    "Kawamura": lambda u: (u - 1.0) * (u + 1.0) ** 2,
+    "Owen": lambda u: u * (u**2 - 1.0),
+}
 BELOW = [(0.36, 1.0, 0.0), (0.28, 0.4, 0.0), (0.28, 0.0, 0.03)]  # u*, moisture, roughness: rows `<0.05`
 
 
@@ -37,6 +56,7 @@ def study_of(folder: Path, name: str, table: str | Sequence[str | Sequence[objec
     """The study by the closed form of a table, as a text or as its rows, where nobody answers."""
     lines = (row if isinstance(row, str) else ";".join(map(str, row)) for row in table)
     text = table if isinstance(table, str) else "".join(f"{line}\n" for line in lines)
+    folder.mkdir(exist_ok=True)
     (folder / "t.csv").write_text(text or (TABLES / f"{name}.csv").read_text("utf-8"), "utf-8")
     asked: dict[str, Any] = {"closed_form": True} | wishes
     document = write_new_study(folder / "t.csv", NewStudyOptions(**asked), lambda _, guess: guess)
@@ -51,9 +71,6 @@ def named(reply: Reply) -> dict[str, bool]:
     """Effects that are named -> whether 1, the strength in their world, lies inside the interval."""
     found = {name: reply.record.effects[name].strength_range for name in reply.record.named}
     return {name: each.low <= 1.0 <= each.high for name, each in found.items()}
-
-
-NARROW = ("1 below", "3 below", "13 below", "zeros")
 
 
 @pytest.mark.parametrize("name", FLUXES)
@@ -124,13 +141,6 @@ def test_a_narrow_cell_is_steeper_by_its_walls(tmp_path):
     assert found.named == ("side_walls",) or (found.verdict in SILENT)
 
 
-LAWS = {  # of the flux over C rho / g u*t^3, by u* / u*t -> interval that holds its power of u*
-    "Ungar & Haff": lambda u: u**2 - 1.0,
-    "Kawamura": lambda u: (u - 1.0) * (u + 1.0) ** 2,
-    "Owen": lambda u: u * (u**2 - 1.0),
-}
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_another_law_of_the_flux_is_no_missing_effect(tmp_path, law):
     rng, threshold = np.random.default_rng(3), 0.23
@@ -160,9 +170,6 @@ def test_a_flux_that_depends_on_the_grain_size_by_another_law_names_no_effect(tm
     assert {place.axis for place in record.where if place.p < 0.01} == {"diameter"}
 
 
-PLATEAU = {0: 31.1, 0.5: 34.2, 1: 36.1, 2: 38.3, 4: 39.7, 8: 40.4, 14: 38.6, 20: 35.4}  # % -> deg
-
-
 def test_a_listed_effect_is_not_named_where_it_misses_means_of_many_repeats(tmp_path):
     rows = [f"{w};{a + d:.1f}" for w, a in PLATEAU.items() for d in (-0.9, -0.3, 0.3, 0.9)]
     record = answer(study_of(tmp_path, "", "moisture (%);angle of repose (deg)\n" + "\n".join(rows))).record
@@ -175,9 +182,9 @@ def test_no_name_leaves_a_larger_misfit_than_nothing(tmp_path):
     text = "0.49177 1.076 1.8968 3.8385 0.27869 0.77488 1.5716 3.4101 8.1911e-4 0.37275 1.2142 2.9787"
     fluxes = map(float, text.split())
     winds, sizes = (0.32, 0.38, 0.45, 0.55) * 3, np.repeat((0.2, 0.3, 0.45), 4)
-    rows = "".join(f"{u};{d};{q};{0.05 * q};3\n" for u, d, q in zip(winds, sizes, fluxes, strict=True))
-    record = answer(study_of(tmp_path, "", f"u* (m/s);d50 (mm);sand flux (t/m/d);sd;n\n{rows}")).record
-    assert record.verdict == "none_detected"
+    rows = [(u, d, q, 0.05 * q, 3) for u, d, q in zip(winds, sizes, fluxes, strict=True)]
+    reply = answer(study_of(tmp_path, "", ["u* (m/s);d50 (mm);sand flux (t/m/d);sd;n", *rows]))
+    assert reply.record.verdict == "none_detected"
 
 
 def test_no_name_has_a_strength_above_the_list(tmp_path):
@@ -185,8 +192,7 @@ def test_no_name_has_a_strength_above_the_list(tmp_path):
     text = (TABLES / "kawamura.csv").read_text("utf-8")
     record = answer(study_of(tmp_path, "", text)).record
     assert record.named == ("liquid_bridge",), "what is not seen lies below the least that is"
-    (exact := tmp_path / "exact").mkdir()
-    record = answer(study_of(exact, "", text.replace(";0.0", ";<0.01"))).record
+    record = answer(study_of(tmp_path / "exact", "", text.replace(";0.0", ";<0.01"))).record
     charge = record.effects["electrostatics"]
     assert charge.strength > charge.most, "else this tests nothing"
     assert "electrostatics" in record.refuted
@@ -202,29 +208,14 @@ def thresholds(column: str, values: Sequence[float], thin: Callable[[float], flo
     return "\n".join([*rows, ""])
 
 
-AIRS = {
-    "temperature (°C)": ((-35, -20, -5, 10, 25, 40), lambda t: 293.0 / (273.0 + t)),
-    "altitude (m)": ((0, 900, 1700, 2600, 3500, 4400), lambda h: np.exp(-h / 8500.0)),
-}
-
-
 @pytest.mark.parametrize("column", AIRS)
 def test_the_air_of_the_day_and_of_the_site_is_a_listed_effect(tmp_path, column):
     table = thresholds(column, *AIRS[column])
     record = answer(study_of(tmp_path, "", table.replace("air", "note air"))).record
     assert record.named == ("air_density",)
     assert 0.8 < record.effects["air_density"].strength < 1.25
-    (beside := tmp_path / "beside").mkdir()
-    at = study_of(beside, "", table).file.conditions  # a pressure counts in the altitude
+    at = study_of(tmp_path / "beside", "", table).file.conditions  # a pressure counts in the altitude
     assert at.get("altitude", "conditions.altitude") == "conditions.altitude"
-
-
-TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%),d\n" + "".join(
-    f"{name},{u},{f * u:.3g},{f * u + (0.1 if cover else -0.1):.3g},{cover},200 µm\n"
-    for name, f in (("A", 9.0), ("B", 5.0))
-    for u in (0.3, 0.5, 0.7)
-    for cover in (0, 5)
-)
 
 
 def test_words_that_tell_alike_rows_apart_name_set_ups_and_a_cover_of_grass_is_no_salinity(tmp_path):
@@ -272,10 +263,6 @@ def test_an_answer_speaks_of_a_column_in_the_script_of_its_owner(tmp_path, headi
     study = study_of(tmp_path, "", table, sd={"threshold_u_star": "2 %"})
     assert set(study.file.conditions) == {"diameter", heading.lower().replace(" ", "_")}
     assert heading.lower() in " ".join(answer(study).answer().lines)
-
-
-WET = [33.0, 32.8, 35.6, 32.9, 35.5, 35.7, 35.7, 35.8]  # of a repose angle that BL reads 2.7 deg higher
-DRY = ["AK;0", "AK;0.1", "BL;0.2", "AK;0.2", "BL;0.3", "BL;0.4", "BL;0.5", "BL;0.6"]
 
 
 @pytest.mark.parametrize("head", ["operator", "block"])
@@ -349,13 +336,11 @@ def test_a_condition_that_varies_with_that_of_an_effect_may_act_in_its_place(tmp
     four = [
         f"{10 * w + 3:g};{w};{0.2 * np.sqrt(1.0 + 1.21 * w**0.68):.3f};0.01;5" for w in (0.2, 1, 2, 4) * 2
     ]
-    (line := tmp_path / "line").mkdir()
-    reply = answer(study_of(line, "", [heading.replace("clay (%)", "crust (mm)"), *four]))
+    reply = answer(study_of(tmp_path / "line", "", [heading.replace("clay (%)", "crust (mm)"), *four]))
     assert reply.record.imitators == {"liquid_bridge": ("crust",)}, "a line of four values"
-    (mixed := tmp_path / "mixed").mkdir()
     doses = zip(clay[3:] + clay[:3], moisture, speeds, strict=True)
     shuffled = [f"{c};{w};{u:.3f};0.01;5" for c, w, u in doses]
-    assert answer(study_of(mixed, "", [heading, *shuffled])).record.named == ("liquid_bridge",)
+    assert answer(study_of(tmp_path / "mixed", "", [heading, *shuffled])).record.named == ("liquid_bridge",)
 
 
 def test_alike_rows_that_differ_far_beyond_their_sd_are_no_agreement(tmp_path):
@@ -414,9 +399,10 @@ def test_conditions_that_vary_together_are_told_together(tmp_path):
 def test_a_condition_that_is_ten_times_too_large_makes_nothing_that_is_not_in_the_list(
     tmp_path, angle, error
 ):
-    slopes = (-20, -15, -10, -5, 0, 5, 10, 15)
-    speeds = [0.25 * np.sqrt(np.cos(a) + np.sin(a) / 0.6) for a in np.radians(slopes)]
-    rows = [[a, f"{u:.3f}", error, 4] for a, u in zip(slopes, speeds, strict=True)] * 2
+    speeds = {
+        a: 0.25 * np.sqrt(np.cos(t) + np.sin(t) / 0.6) for a in range(-20, 20, 5) for t in [np.radians(a)]
+    }
+    rows = [[a, f"{u:.3f}", error, 4] for a, u in speeds.items()] * 2
     rows[2] = [angle, *rows[2][1:]]  # of -10
     reply = answer(study_of(tmp_path, "", ["slope (deg);u*t (m/s);SD;n", *rows]))
     assert max(reply.record.probabilities, key=lambda each: reply.record.probabilities[each]) == "bed_slope"
@@ -424,9 +410,8 @@ def test_a_condition_that_is_ten_times_too_large_makes_nothing_that_is_not_in_th
 
 
 def test_a_near_law_is_not_named(tmp_path):
-    rows = [(w, d) for d in (0.15, 0.2, 0.25, 0.355, 0.5) for w in (0, 0.3, 0.6, 1, 1.5, 2.2)]
-    noise = np.random.default_rng(3).normal(1.0, 0.02, len(rows))
-    values = [0.5 * d**0.5 + 0.09 * w for w, d in rows]
-    lines = [[w, d, f"{u * e:.4f}", "2 %"] for (w, d), u, e in zip(rows, values, noise, strict=True)]
-    record = answer(study_of(tmp_path, "", ["w (%);d (mm);u*t (m/s);CV", *lines])).record
+    random, sizes = np.random.default_rng(3), (0.15, 0.2, 0.25, 0.355, 0.5)
+    places = [(w, d, random.normal(1.0, 0.02)) for d in sizes for w in (0, 0.3, 0.6, 1, 1.5, 2.2)]
+    rows = [f"{w};{d};{(0.5 * d**0.5 + 0.09 * w) * e:.4f};2 %" for w, d, e in places]
+    record = answer(study_of(tmp_path, "", ["w (%);d (mm);u*t (m/s);CV", *rows])).record
     assert (record.named, bool(record.refuted) or record.verdict == "outside_library") == ((), True)

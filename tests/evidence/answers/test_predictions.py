@@ -31,8 +31,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     for i in (0, 9, 12, 21):
         rest = infer(problem, 1, table.pick_rows_at(np.delete(np.arange(table.size), i)))
         wanted = NewConditions(("y",), {"x": table.conditions["x"][[i]]})
-        place = joint_rows(rest.race, new_rows(rest.race.prepared, wanted))
-        told = forecast(rest, place)
+        told = forecast(rest, joint_rows(rest.race, new_rows(rest.race.prepared, wanted)))
         share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.new_value[:, 0])
         assert shares[i] == pytest.approx(share, abs=0.04)
 

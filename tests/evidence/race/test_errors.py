@@ -211,8 +211,7 @@ def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared
     problem = replace(off({}), observables={"y": problems.Observable("y", sd_shared=shared)})
     (shift,) = race_record(infer(problem, 1)).levels
     assert shift.low < OFFSET < shift.high
-    level = replace(made()[0], observables=problem.observables)
-    assert race_record(infer(level, 3)).levels == ()
+    assert race_record(infer(replace(made()[0], observables=problem.observables), 3)).levels == ()
 
 
 @pytest.mark.parametrize(

@@ -150,8 +150,7 @@ def renamed(problem: Problem) -> Problem:
 
 @pytest.mark.parametrize("change", [reordered, in_kilometres, renamed])
 def test_order_units_and_names_do_not_matter(change: Callable[[Problem], Problem]):
-    problem = change(exact())
-    one, other = plain(), race_record(infer(problem, 1))
+    one, other = plain(), race_record(infer(change(exact()), 1))
     assert one.verdict == other.verdict == "present"
     (name,), (told,) = one.named, other.named
     assert told == (f"effect {10 + exact().candidate_names.index(name)}" if change is renamed else name)

@@ -27,8 +27,11 @@ HEAP = "moisture (%);angle of repose (deg);SD;{}\n"
 SALT = "moisture (%);{};angle of repose (deg);SD\n"
 
 
-def measured(base: Path, text: str | bytes, name: str = "t.csv", **wishes) -> tuple[Measurements, list[str]]:
-    """Measurements of the study of a table by the closed form, and what was assumed."""
+def measured(
+    base: Path, table: str | bytes | list[str], name: str = "t.csv", **wishes
+) -> tuple[Measurements, list[str]]:
+    """Measurements of the study of a table, a text or its lines, by the closed form, and what was assumed."""
+    text = "\n".join([*table, ""]) if isinstance(table, list) else table
     (base / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
     document = write_new_study(base / name, NewStudyOptions(**asked), lambda _, guess: guess)
@@ -465,8 +468,7 @@ def test_a_column_computed_from_the_result_and_a_condition_is_asked(tmp_path, po
     text = "\n".join(["moisture (%),d (mm),u*t (m/s),SD,number B", *lines, ""])
     assert "column 'number B': it follows the measured quantity" in refused(tmp_path, text)
     others = [f"{line.rpartition(',')[0]},{k * 7 % 10}" for k, line in enumerate(lines)]
-    kept = measured(tmp_path, "\n".join([text.partition("\n")[0], *others, ""]), "o.csv")[0]
-    assert kept.size == 10
+    assert measured(tmp_path, [text.partition("\n")[0], *others], "o.csv")[0].size == 10
 
 
 def test_columns_that_differ_in_all_rows_alike_are_no_repeats(tmp_path):
@@ -538,8 +540,8 @@ def test_a_dose_set_by_hand_is_no_computed_column(tmp_path, heading):
 def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
     doses = {"PAM": (5, 10, 20), "lime": (500, 1000, 2000), "straw": (50, 100, 200)}
     rows = [f"{name};{x};{0.3 + 0.05 * k:.2f};0.01;4" for name, xs in doses.items() for k, x in enumerate(xs)]
-    text = "\n".join(["product;rate (kg/ha);u*t (m/s);SD;n", *rows, ""])
-    assert "rate" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+    found, _ = measured(tmp_path, ["product;rate (kg/ha);u*t (m/s);SD;n", *rows], diameter="0.2 mm")
+    assert "rate" in found.conditions
 
 
 @pytest.mark.parametrize("heading", ["parameter", "variable", "observable"])
@@ -564,8 +566,8 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
 def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
     noise = np.random.default_rng(2).normal(0.0, 0.5, (4, 5))
     rows = [f"T{k};{w};{30 + k + noise[k, w]:.1f}" for k in range(4) for w in range(5)]
-    text = "\n".join(["sample;moisture (%);angle of repose (deg)", *rows, ""])
-    assert measured(tmp_path, text)[0].size == 20  # each sample is a set-up: none is repeated
+    found, _ = measured(tmp_path, ["sample;moisture (%);angle of repose (deg)", *rows])
+    assert found.size == 20  # each sample is a set-up: none is repeated
 
 
 def test_what_a_formula_calibrates_is_no_condition_of_it(tmp_path):
@@ -605,25 +607,20 @@ def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
 
 def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_none(tmp_path):
     acid = np.random.default_rng(5).normal(7.0, 0.2, (3, 6))
-    angle = "{};{};{:.2f};{:.1f}".format
-    blocks = [
-        angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * ((w + b) % 3)) for b in range(3) for w in range(6)
-    ]
-    found, told = measured(tmp_path, "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""]))
+    head = "block;moisture (%);pH;angle of repose (deg)"
+    angles = [(b, w, 30 + w + b % 2 + 0.3 * ((w + b) % 3)) for b in range(3) for w in range(6)]
+    blocks = [f"{b};{w};{acid[b, w]:.2f};{a:.1f}" for b, w, a in angles]
+    found, told = measured(tmp_path, [head, *blocks])
     assert ([*found.conditions], found.size) == (["moisture"], 18)
     assert "'pH' (it differs between repeats" in " ".join(told)
-    acid = acid.round(1)  # five values in 18 rows
-    blocks = [
-        angle(b, w, acid[b, w], 30 + w + b % 2 + 0.3 * ((w + b) % 3)) for b in range(3) for w in range(6)
-    ]
-    few = "\n".join(["block;moisture (%);pH;angle of repose (deg)", *blocks, ""])
-    assert [*measured(tmp_path, few, "few.csv")[0].conditions] == ["moisture"]
+    blocks = [f"{b};{w};{acid[b, w]:.1f}0;{a:.1f}" for b, w, a in angles]  # five values in 18 rows
+    assert [*measured(tmp_path, [head, *blocks], "few.csv")[0].conditions] == ["moisture"]
     crossed = [(0, 3), (0, 12), (1, 3), (2, 0), (2, 12), (3, 0), (3, 3), (3, 12), (4, 0)]  # in parts
     rows = [f"{w};{c};{30 + w + k % 2};0.5" for k, (w, c) in enumerate(crossed)]
-    clay = "\n".join(["moisture (%);clay (%);angle of repose (deg);SD", *rows, ""])
+    clay = ["moisture (%);clay (%);angle of repose (deg);SD", *rows]
     assert "clay_fraction" in measured(tmp_path, clay, "clay.csv")[0].conditions
     rows = [f"{'AB'[k % 2]};{500 * k};{0.25 + 0.01 * k:.3f};0.01;3" for k in range(8)]
-    heights = "\n".join(["operator;altitude (m);u*t (m/s);SD;n", *rows, ""])
+    heights = ["operator;altitude (m);u*t (m/s);SD;n", *rows]
     assert "altitude" in measured(tmp_path, heights, "h.csv", diameter="0.2 mm")[0].conditions
 
 
@@ -631,7 +628,7 @@ def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(
     means = np.array([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]])
     repeats = np.random.default_rng(3).normal(means, 0.01, (7, 3)).round(3)
     rows = [f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}" for w, u in enumerate(repeats)]
-    text = "\n".join(["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows, ""])
+    text = ["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows]
     assert {*measured(tmp_path, text, diameter="0.2 mm")[0].conditions} == {"moisture", "diameter"}
 
 
