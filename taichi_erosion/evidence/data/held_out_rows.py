@@ -54,6 +54,8 @@ def draw_vault(
     visible, settled = earlier_vault(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
+    ends = units_at_ends(measurements, units, ~inside)
+    order.sort(key=lambda unit: unit in ends)  # those come last
     vault_units = draw_vault_units(measurements, order, units, ~inside, visible, fraction, least)
     among = np.array([unit in vault_units for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | visible | among
@@ -158,6 +160,16 @@ def condition_columns_of(
         values = rows & (named == observable)
         for name, column in measurements.conditions.items():
             yield observable, values, name, column, np.unique(column[values & np.isfinite(column)])
+
+
+def units_at_ends(measurements: Measurements, units: Sequence[Unit], rows: Bools) -> set[Unit]:
+    """Units that alone hold the least or the largest value of a condition, where an effect is largest."""
+    alone: set[Unit] = set()
+    for _, mask, _, column, levels in condition_columns_of(measurements, rows):
+        for end in (levels[0], levels[-1]) if levels.size > 1 else ():
+            at_end = {units[i] for i in np.flatnonzero(mask & (column == end)).tolist()}
+            alone |= at_end if len(at_end) == 1 else set()
+    return alone
 
 
 def varying_pairs(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
