@@ -359,12 +359,18 @@ def scatter_role(plain: str) -> Role | None:
 
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
-    """Meaning of a letter by its unit: `d [mm]`."""
+    """Meaning of a letter by its unit: `d [mm]`, `w (dry mass) [%]`."""
     called = plain_words(heading.name)
+    alone = re.sub(r"[()\[\]]", " ", called)
+    for word in sorted(words_of("harmless") | words_of("bases"), key=len, reverse=True):
+        alone = re.sub(word_pattern(word), " ", alone) if word in alone else alone
+    alone = " ".join(alone.split())
     for name, symbols in known_words()["symbols"].items():
-        symbol_words = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
+        if has_word(heading.name, known_words()["things"].get(name, ())):
+            continue
+        letters = {called, alone} if "." in name else {re.sub(r" \d$", "", each) for each in (called, alone)}
         for letter, unit in (symbol.rsplit(" ", 1) for symbol in symbols):
-            alike = heading.unit and symbol_words == plain_words(letter)
+            alike = heading.unit and plain_words(letter) in letters  # of `q 2` too, a repeat
             if alike and parse_scale(heading.unit).kind == parse_scale(unit).kind:
                 return "condition" if "." in name else "observable", name
     return "unknown", ""

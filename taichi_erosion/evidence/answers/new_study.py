@@ -45,7 +45,7 @@ from taichi_erosion.tables import headings
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
 from taichi_erosion.tables.headings import DIAMETER, FRICTION_VELOCITY, GRAIN_DENSITY, suggest_meaning
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.number_words import toml_key
+from taichi_erosion.tables.number_words import count_noun, toml_key, with_unit
 from taichi_erosion.tables.spreadsheet import laboratory_table_digest
 
 Document = dict[str, Any]
@@ -181,9 +181,12 @@ def read_laboratory_table(table: Path, options: TableOptions, interview: Intervi
     faults.raise_if_any()
     assert measured is not None
     for name, allowed in ranges:
-        for row, value, unit, used in cells_in_unit(measured, name, allowed) if allowed else ():
-            if allowed and not allowed.is_usual(used):  # a slip, perhaps
-                interview.assume(f"row {row.line}, {name} = {value:g} {unit or ''} is unusual: used as it is")
+        cells = cells_in_unit(measured, name, allowed) if allowed else []
+        odd = [each for each in cells if allowed and not allowed.is_usual(each[-1])]  # slips, perhaps
+        for row, value, unit, _ in odd[:1]:
+            more = f", and {count_noun(len(odd) - 1, 'row')} more," * (len(odd) > 1)
+            number = with_unit(f"{value:g}", unit or "")
+            interview.assume(f"row {row.line}, {name} = {number}{more} is unusual: used as it is")
     return add_detection_limits(measured, interview)
 
 

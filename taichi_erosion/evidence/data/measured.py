@@ -408,10 +408,12 @@ def value_faults(
     meanings = plausible_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
     low, high = usual_value / NEAR_SCENE, usual_value * NEAR_SCENE
     near_own = usual_value > 0.0 and all(low <= used <= high for *_, used in odd)
-    if not wrong and usual and meanings and 2 * len(odd) > len(cells) and not near_own:
-        wrong = odd
     hint = ", or rename the column if it holds another quantity"
     hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else hint
+    if not wrong and usual and 2 * len(odd) > len(cells) and not near_own:
+        wrong = odd
+        heading = next((c.heading.text for c in table.columns if c.title == name), name)
+        hint += f"; if it is right, say --unit '{heading}={cells[0][2] or allowed.unit}'"
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"

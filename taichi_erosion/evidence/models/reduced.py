@@ -46,7 +46,7 @@ DEFAULTS = {
     "angularity": 0.3,  # 0 round, 1 crushed
     "turbulence": 0.1,  # sd of the wind over its mean [1]
     "fetch": 10.0,  # m of erodible bed upwind
-    "width": 0.2,  # m between the walls of the heap's box
+    "width": np.inf,  # m between the walls of a box; a heap stands free
     "u_star": 0.4,  # m s-1
 }
 

@@ -79,6 +79,9 @@ BESIDE_ANGLE = "it may be a result of the heap: begin its heading with 'note' if
 OWN = "own"  # answer of who keeps a column as a condition of its own
 BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
+TENS = "write numbers in the unit itself, without a power of ten; "
+MEASURED = "repose_angle [deg], threshold_u_star [m/s], threshold_wind_speed [m/s], pile_height [m] or flux "
+MEASURED += "(mass over time and width, all heights) [kg/(m s)], or one more that `measure` of a scene knows"
 STRESS = "of a threshold shear stress give u*t = (stress / density of air)^1/2 [m/s] and its sd; "
 PROFILE = "a profile over the height is one measurement: fit u* and z0 to its winds, sum its flux: one row"
 BLOCK_DIFFERENCE = 0.05  # of the logarithms of two columns, that days or places may make
@@ -119,11 +122,12 @@ def understand_columns(
         interview.assume(f"{read_as}; check '{words}' in its heading")
     columns = list(link_sd_and_n_columns(list(recognise_set_up_columns(columns, reading)), reading))
     if measured and not any(column.role == "observable" for column in columns):
-        names = ", ".join(options.measures or options.observables) or "its own"
+        names = MEASURED if options.measures else f"one of {', '.join(options.observables) or 'its own'}"
         stress = any(has_word(each.heading.name, known_words()["computed"]["stress"]) for each in columns)
+        tens = any(MULTIPLE.search(each.heading.text) for each in columns)
         faults.append(
-            f"{cells.file}: no column is known as a measured quantity; {STRESS * stress}say which one is: "
-            f"--observable 'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {names}; "
+            f"{cells.file}: no column is known as a measured quantity; {STRESS * stress}{TENS * tens}say which "
+            f"one is: --observable 'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME {names}; "
             f"{CROSS_TABLE}"
         )
     columns = [check_column_unit(find_or_ask_unit(column, reading), reading) for column in columns]
@@ -217,7 +221,7 @@ def ask_unknown_column(column: Column, reading: Reading) -> Column:
     why = f"did you mean {column.near}? If so, {remedy}:"
     if column.changed:
         why = f"{changed}: {remedy}; if it is that,"
-    if column.changed and column.changed not in plain_words(text):  # its unit says so, `m3/m3`
+    if column.changed and option == "condition" and column.changed not in plain_words(text):  # by its unit
         why, advice = f"{changed}: {remedy}, or", f"--condition '{text}={column.heading.unit}' as your own"
     return reading.reject(column, f"{why} {advice}; {UNUSED}")
 
@@ -278,7 +282,7 @@ def drop_unusable_columns(columns: Sequence[Column], reading: Reading) -> Iterat
         wrong = column_meaning_fault(column, earlier, reading.options) if used else ""
         alike = [each for each in bent if each.role == "observable" or each.name == column.name]
         if used and MULTIPLE.search(column.heading.text):
-            wrong = "its numbers count in a power of ten: write them in the unit itself"
+            wrong = f"its numbers count in a power of ten: {TENS.rstrip('; ')}"
         if alike and column.role in ("sd", "se", "cv", "condition_sd"):
             wrong = f"'{alike[0].heading.text}' is converted: write scatter behind each value, '0.65 ± 0.01'"
         if used:
@@ -290,7 +294,7 @@ def column_meaning_fault(column: Column, seen: Mapping[str, str], options: Table
     """What is wrong with the meaning of a column; empty where nothing is."""
     if column.name in seen and not column.is_repeat:
         option = f"say what it is with --condition '{column.heading.name}=PATH'"
-        method = "write a row for each, with a column 'method' that tells them apart"
+        method = "write a row for each, with a column 'method' or 'soil' that tells them apart"
         remedy = method if column.role == "observable" else option
         remedy = CROSS_TABLE if heading_holds_value(column.heading) else remedy
         return f"means {column.name}, as column '{seen[column.name]}' does; {remedy}; {UNUSED}"
