@@ -14,9 +14,10 @@ from taichi_erosion.campaign.request import RunResult, request_of_file
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, make_parent_folder
 from taichi_erosion.execution import Report
-from taichi_erosion.execution.checks import read_effects, read_scene
+from taichi_erosion.execution.checks import read_effects, read_scene, setup_report
 
 TABLE, FIGURE = "sweep.csv", "sweep.png"
+NO_VALUE = " has no value: "  # of a measure, whose own notes say why
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,12 @@ def sweep_entry(
     Runs that stand in the ledger are not made again. Raises BadInput for what cannot run.
     """
     path, values = parse_sweep_values(over)
+    if path == "run.seed":
+        raise BadInput("--over run.seed: every value runs with the same seeds; repeats are --replicas")
     files, (folder, workers, scheduler) = read_effects(effect_files), where
     entries = [(*overrides, f"{path}={value}") for value in values]
-    first = read_scene(scene, entries[0], files)
+    scenes = [read_scene(scene, one, files) for one in entries]
+    first, warnings = scenes[0], [setup_report(one, files)["warnings"] for one in scenes]
     seeds = [first.run.seed + k for k in range(replicas or first.run.replicas)]
     if not first.measure:
         raise BadInput(f"{scene}: has no [measure], so a sweep has no curve")
@@ -67,16 +71,21 @@ def sweep_entry(
     finally:
         close_ledger(ledger)
     rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
-    return [sweep_point(v, name, row) for name in first.measure for v, row in zip(values, rows, strict=True)]
+    points = list(zip(values, rows, warnings, strict=True))
+    return [sweep_point(value, name, row, lines) for name in first.measure for value, row, lines in points]
 
 
-def sweep_point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
-    """One measure of the runs of one value; values that say nothing are left out and told."""
+def sweep_point(entry: str, name: str, results: Sequence[RunResult], warnings: Sequence[str]) -> SweepPoint:
+    """One measure of the runs of a value; the note has `warnings` of its scene, and why runs say nothing."""
     measures = [result.record.get("measures", {}).get(name, {}) for result in results]
     blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in measures]
     pairs = [(result.value(name), one.get("sd")) for result, one in zip(results, measures, strict=True)]
     values = [pair for pair, block in zip(pairs, blocking, strict=True) if isfinite(pair[0]) and not block]
     notes = [result.failure or result.record.get("stopped") for result in results]
+    notes += [
+        *warnings,
+        *(line for result in results for line in result.record.get("warnings", ()) if NO_VALUE not in line),
+    ]
     lacks = (lack for one in measures for lack in one.get("shortfalls", ()))
     notes += [lack["sentence"] for lack in lacks if not lack["stated"]]
     notes += ["; ".join(one["notes"]) for one in measures if one and one["value"] is None]

@@ -382,7 +382,7 @@ def profile(
     refuse_foreign_file(csv_file, table, force)
     grain = stated_number(diameter, "m", "--diameter", "2mm") if diameter else 0.0
     columns, rows = measure_heap_table(table, place, height, grain)
-    write_heap_table(csv_file, columns, rows)
+    write_heap_table(csv_file, table, columns, rows)
     record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(csv_file)}
     if as_json:
         return output.print_json(record)

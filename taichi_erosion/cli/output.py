@@ -48,11 +48,13 @@ def print_lines(sentences: Iterable[str], lead: str = "") -> None:
 
 def print_sweep(document: Record) -> None:
     """Print measures along the values of an entry, and the files that were written."""
-    rows = []
+    rows, notes = [], dict[str, list[str]]()
     for row in document["points"]:
         numbers = ("-" if row[key] is None else f"{row[key]:.4g}" for key in ("value", "sd"))
-        rows.append((row["measure"], row["entry"], *numbers, row["unit"], str(row["n"]), row["note"]))
-    print_table("", ("measure", document["path"], "value", "sd", "unit", "n", "note"), rows)
+        rows.append((row["measure"], row["entry"], *numbers, row["unit"], str(row["n"])))
+        notes.setdefault(row["note"], []).append(row["entry"])
+    print_table("", ("measure", document["path"], "value", "sd", "unit", "n"), rows)
+    print_lines(f"{', '.join(dict.fromkeys(entries))}: {note}" for note, entries in notes.items() if note)
     print_lines(document["files"])
 
 

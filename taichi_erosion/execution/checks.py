@@ -70,14 +70,11 @@ def effect_range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[
             yield str(error)
 
 
-def setup_report(scene: Scene) -> dict[str, Any]:
-    """Time step, limits and warnings of a scene; SI units."""
-    report = step_report(scene)
-    if not scene.effects:
-        return report
-    library = library_of(scene)
-    warnings = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
-    return report | {"warnings": [*report["warnings"], *(line for line in warnings if line)]}
+def setup_report(scene: Scene, files: EffectFiles = ()) -> dict[str, Any]:
+    """Time step, limits and warnings of a scene and of effects, of files too, that do not act; SI units."""
+    report, library = step_report(scene), library_of(scene)
+    lines = (strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items())
+    return report | {"warnings": [*report["warnings"], *filter(None, lines), *idle_warnings(scene, files)]}
 
 
 def read_effects(paths: Sequence[Path]) -> EffectFiles:
@@ -212,8 +209,7 @@ def check_scene(
             library = library_of(scene)
             after = effective_scene(scene, library)
             device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
-        limits = setup_report(scene)
-        limits["warnings"] += idle_warnings(scene, named)
+        limits = setup_report(scene, named)
     document = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
     return document | {"effects": examined}
 

@@ -27,7 +27,7 @@ FINDINGS = {  # of a check that stopped a replica, and the likely cause
     ),
     Status.LOST: (
         "grain {grain} left the domain at a coordinate of {value:.4g} m",
-        "a grain passed a gap in the walls or was shot away by an overlap; [domain] outside = 'remove' takes "
+        "no wall holds it there, or an overlap shot it away; [domain] outside = 'remove' takes "
         "such grains out",
     ),
     Status.NOT_FINITE: (

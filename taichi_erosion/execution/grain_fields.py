@@ -32,7 +32,7 @@ def present_grain_fields(
     if setup.clumps is not None:
         raise BadInput("fields: grains are clumps, whose spheres overlap; fields are of single spheres")
     if not len(state.mass):
-        raise BadInput("fields: no grain has been released")
+        raise BadInput("fields: no grain is there")
     chosen = width or WIDTH * 2.0 * float(setup.grains.radius.mean())
     places = {name: np.atleast_1d(np.asarray(at[name], float)) for name in AXES if at and name in at}
     if wrong := [name for name in (*(at or {}), *(extent or {})) if name not in AXES]:

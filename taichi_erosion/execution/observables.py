@@ -57,6 +57,7 @@ class MeasureInput:
     loads: tuple[Floats, ...] = ()  # of walls, and shifts of the frames, where a measure reads them
     poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
     network: Callable[[], ContactNetwork] | None = None  # contacts at the end
+    waiting: int = 0  # spheres that have not been released
 
     @property
     def wind_patch(self) -> wind_bed.Patch:
@@ -127,11 +128,14 @@ class MeasureInput:
         inside = np.zeros(self.end.radius.size, bool)
         for name, wall in self.scene.geometry.items() if inside.size else ():
             pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
-            if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and pose.has_moved):
+            lifted = isinstance(wall, Cylinder | Cone) and pose.translation[2] > 0.0
+            if isinstance(wall, Funnel) or lifted:
                 rows = np.array(surface_of_revolution_rows(wall))
                 ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
-                if pose.present and lowest > self.base_height + heap.median_diameter_by_volume(self.end):
+                if pose.present and (
+                    lifted or lowest > self.base_height + heap.median_diameter_by_volume(self.end)
+                ):
                     as_built = (self.end.position - pose.translation) @ pose.rotation
                     inside |= heap.inside_surface_of_revolution(rows, as_built)
         return inside
@@ -281,13 +285,14 @@ def why_heap_is_too_small(scene: Scene, name: str, angles: Floats) -> str:
     return words if count < CONE_SHARE * least else ""
 
 
-def shortfalls_of_drum_surface(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
-    """Whether the surface in a drum is wide enough for a slope."""
+def shortfalls_of_drum_surface(state: MeasureInput, measurement: Measurement) -> Iterable[Shortfall]:
+    """Whether the surface in a drum is steady, and wide enough for a slope."""
     wall = state.scene.geometry.get(state.request.plate or "")
     if not isinstance(wall, Cylinder) or heap.why_snapshot_unmeasurable(state.end):
-        return ()
+        return
     width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
-    return shortfalls.surface_shortfalls(width / heap.median_diameter_by_volume(state.end))
+    yield from shortfalls.surface_shortfalls(width / heap.median_diameter_by_volume(state.end))
+    yield from shortfalls.surface_scatter_shortfalls(measurement.value, measurement.sd)
 
 
 def shortfalls_of_hop_count(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
@@ -313,8 +318,10 @@ def measure_observable(name: str, state: MeasureInput) -> Measurement:
     if state.request.file is not None:
         return measure_by_user_file(name, state)
     measurement = OBSERVABLES[name](state)
-    if name in OF_HEAP and (inside := state.grains_in_tube).sum() > LEFT_MOST * inside.size:
-        reason = f"{inside.sum():,} of {inside.size:,} grains are still in the funnel or tube"
+    count, inside = state.waiting + state.end.radius.size, int(state.grains_in_tube.sum())
+    if name in OF_HEAP and state.waiting + inside > LEFT_MOST * count:
+        where = "not released yet" if state.waiting > inside else "still in the funnel or tube"
+        reason = f"{state.waiting + inside:,} of {count:,} grains are {where}"
         return no_measurement(name, measurement.unit, reason)
     lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
     if state.window and name in OF_TRANSPORT:

@@ -101,8 +101,8 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     with defer_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
             state.measurements = result.apply_instruments(state.measurements, scene, library)
-        document = grain_run_document(path, scene, ensemble, comparisons, started)
-        document["limits"]["warnings"] += checks.idle_warnings(scene, named)
+        limits = checks.setup_report(scene, named)
+        document = grain_run_document(path, scene, ensemble, comparisons, limits, started)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": scene_hash(scene)}}
             document |= finish_recording(recorder, ensemble, first, properties)
@@ -187,7 +187,12 @@ def run_with_outputs(
 
 
 def grain_run_document(
-    path: Path, scene: Scene, ensemble: ensemble_loop.EnsembleRun, comparisons: dict[str, Any], started: float
+    path: Path,
+    scene: Scene,
+    ensemble: ensemble_loop.EnsembleRun,
+    comparisons: dict[str, Any],
+    limits: dict[str, Any],
+    started: float,
 ) -> dict[str, Any]:
     sim = ensemble.sim
     numerics = {"arch": sim.numerics.arch, "threads": sim.workers, "precision": sim.numerics.precision}
@@ -204,7 +209,7 @@ def grain_run_document(
         grain_steps=round(ensemble.grain_steps),
         wall_s=time.perf_counter() - started,
         numerics=numerics | mean_team_size(sim.team),
-        limits=checks.setup_report(scene),
+        limits=limits,
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,
     )

@@ -137,6 +137,8 @@ def run_until_time(session: Session, time: float) -> None:
     """Run until a time [s], with callbacks at every check and at the end. Raises SimulationStopped."""
     raise_if_session_failed(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
+    if time < session.time - tolerance:
+        raise BadInput(f"run: {time:g} s lie before the present {session.time:g} s; `undo` goes back")
     while session.time < time - tolerance:
         keep_state_if_due(session)
         if time < ensemble.time + ensemble.check_interval - tolerance:
@@ -216,8 +218,7 @@ def change_entry(session: Session, path: str, value: str) -> str:
 
 def warnings_of_present_scene(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
-    scene = session.scene
-    return [*checks.setup_report(scene)["warnings"], *checks.idle_warnings(scene, session.effect_files)]
+    return checks.setup_report(session.scene, session.effect_files)["warnings"]
 
 
 def names_of_changed_fields(before: Any, after: Any) -> list[str]:

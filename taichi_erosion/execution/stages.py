@@ -108,14 +108,6 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     state.energy = None
 
 
-def stage_friction_velocity(scene: Scene, stage: int) -> float:
-    """u* of a stage that reaches the patch [m s-1]: as stated in it, or last before it."""
-    assert scene.wind is not None
-    by_stage = [each.friction_velocity for each in scene.stages[: stage + 1]]
-    values = (value for value in (*reversed(by_stage), scene.wind.friction_velocity) if value is not None)
-    return scene.wind.partition * next(values)
-
-
 def set_steady_air_profile(sim: Simulation, stage: Stage, replica: int) -> None:
     """Steady profile of the air over the grains as they fly now, in a stage whose air has no inertia."""
     if stage.steady_air:
@@ -215,6 +207,7 @@ def measure_inputs_of_replica(
         window=window,
         loads=tuple(state.loads),
         poses=simulation.wall_poses(sim, replica),
+        waiting=simulation.count_waiting_spheres(sim, replica),
         network=partial(simulation.contact_network, sim, replica),
     )
     return lambda name: of_any_measure(scene.measure[name])
@@ -223,7 +216,7 @@ def measure_inputs_of_replica(
 def steady_transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:
     """Window in which transport by wind is steady; None without wind or where a grid carries the stress."""
     wind = scene.wind
-    if wind is None or wind.columns != (1, 1) or (friction := stage_friction_velocity(scene, stage)) <= 0.0:
+    if wind is None or wind.columns != (1, 1) or (friction := scene.friction_velocity_of_stage(stage)) <= 0.0:
         return None
     if not states or any(len(state.airs) < 2 for state in states):
         return None

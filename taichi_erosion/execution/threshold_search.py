@@ -104,11 +104,16 @@ class ThresholdSearch:
 def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> ThresholdSearch:
     """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
-    first = transport or scene.threshold.first or FIRST_WIND * velocity_scale(scene)
+    first = transport or first_wind(scene)
     search = ThresholdSearch(scene, export_bed(sim, replica), begin_trial(sim, replica, first, time))
     search.phase = "start" if transport else "ramp"
     spin_up_wind(sim, replica, first)
     return search
+
+
+def first_wind(scene: Scene) -> float:
+    """Friction velocity with which the ramp begins [m s-1]."""
+    return scene.threshold.first or FIRST_WIND * velocity_scale(scene)
 
 
 def velocity_scale(scene: Scene) -> float:
@@ -212,7 +217,8 @@ def next_wind_of_ramp(search: ThresholdSearch, in_motion: bool) -> float:
     rolled = np.count_nonzero(search.trial.rolling) >= search.grains_needed
     if not (rolled or in_motion):
         return now * factor
-    search.brackets["rolling_onset"] = Bracket(now / factor, now)
+    if now > first_wind(search.scene):  # else grains rolled before
+        search.brackets["rolling_onset"] = Bracket(now / factor, now)
     search.phase = "hold"
     return now / factor if in_motion else now
 

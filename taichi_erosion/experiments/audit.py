@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations, permutations, product
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +32,11 @@ from taichi_erosion.experiments.design import stack_parts
 from taichi_erosion.experiments.fit import Fit, Order, Term, figures_of_merit, model_terms, term_name
 from taichi_erosion.experiments.optimise import Goal, optimise
 from taichi_erosion.experiments.published import Claims, Finding, PrintedNumber, PublishedTable, word_meaning
-from taichi_erosion.tables.headings import read_heading
+from taichi_erosion.scene.physical_ranges import range_of
+from taichi_erosion.tables.headings import meaning_of, read_heading
 
 NOTHING = 1e-6  # coded levels closer than this are one [1]
+ALIKE = 0.02  # of the distance of an axial run from the centre, by which the other one may differ [1]
 TOGETHER = 0.99  # correlation of all factors of a climb, whose levels are rounded [1]
 SIGNIFICANT = 0.05  # p value of a lack of fit [1]
 SHARE_TO_SWAP = 0.8  # of a column's numbers that agree with another quantity where its heading is wrong [1]
@@ -108,7 +110,8 @@ def audit_table(path: Path, response: str | None = None, claims_file: Path | Non
     structure = examine_structure(table.coded)
     folder = (claims_file or path).parent
     assumptions = [f"{name} is another result; --response names it" for name in table.others]
-    findings, fits, comparisons = list(structure_findings(table, structure)), list[Fit](), list[Comparison]()
+    findings = [*structure_findings(table, structure), *response_findings(table)]
+    fits, comparisons = list[Fit](), list[Comparison]()
     sheet = published.read_sheet(folder / claims.anova) if claims.anova else None
     names = [factor.path for factor in table.factors]
     printed = list[Term]()  # terms of the lines of the printed analysis of variance
@@ -193,6 +196,7 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
             sentence = f"{factor.path} is {high} times high and {low} times low"
             yield Finding("unbalanced", sentence, column=factor.path, found=float(high - low))
     yield from orthogonality_findings(table)
+    yield from axial_findings(table)
     count = len(structure.cells)
     for cell in structure.cells:
         factor = table.factors[cell.column]
@@ -202,6 +206,31 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
         sentence = f"row {cell.row + 1}, {factor.path} is printed {printed}; "
         sentence += f"{level:g} makes the design balanced and orthogonal, and {remark}"
         yield Finding("cell", sentence, "", factor.path, cell.row + 1, printed, level)
+
+
+def axial_findings(table: PublishedTable) -> Iterator[Finding]:
+    """Axial runs of a factor, all others at their centres, that lie unlike far from it on both sides."""
+    for k, factor in enumerate(table.factors):
+        off_centre = np.abs(table.coded) > NOTHING
+        axial = off_centre[:, k] & (off_centre.sum(axis=1) == 1)
+        low, high = (end(table.coded[axial, k], initial=0.0) for end in (np.min, np.max))
+        if low < 0.0 < high and abs(low + high) > ALIKE * high + SIGMAS * table.rounding[axial, k + 1].max():
+            least, most = (factor.centre + factor.half_range * level for level in (low, high))
+            ends = f"{least:g} and {most:g} lie unlike far from the centre {factor.centre:g}"
+            sentence = f"axial runs of {factor.path}: {ends} ({low:.4g} and {high:.4g} coded)"
+            yield Finding("unbalanced", sentence, column=factor.path, found=float(low + high))
+
+
+def response_findings(table: PublishedTable) -> Iterator[Finding]:
+    """Runs without a response, and responses that no measurement can have."""
+    missing, allowed = np.isnan(table.values), range_of(meaning_of(read_heading(table.response).name)[1])
+    if missing.any():
+        sentence = f"{missing.sum()} of {missing.size} runs have no response, and are left out"
+        yield Finding("missing", sentence, column=table.response, row=int(missing.argmax()) + 1)
+    for row, value in enumerate(table.values.tolist()) if allowed else ():
+        if allowed and allowed.unit == "deg" and not (isnan(value) or allowed.is_possible(value)):
+            sentence = f"row {row + 1}: {table.response} is {value:g}; it lies from 0 to 90 degrees"
+            yield Finding("number", sentence, "", table.response, row + 1, f"{value:g}")
 
 
 def orthogonality_findings(table: PublishedTable) -> Iterator[Finding]:

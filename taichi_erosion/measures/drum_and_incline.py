@@ -12,9 +12,11 @@ from taichi_erosion.core.setup import Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.heap import median_diameter_by_volume, why_snapshot_unmeasurable
 from taichi_erosion.measures.result import Measurement, no_measurement
+from taichi_erosion.measures.shortfalls import tilt_shortfalls
 
 MIDDLE_SHARE = 0.5  # of the drum radius: the surface is straight there; the ends curve at the wall [1]
 FEWEST_BINS = 3  # that carry a line [1]
+EARLY = 0.1  # of that distance, after which the turn counts as a lag [1]
 SLIDING_SHARE = 0.5  # of a diameter: far beyond elastic settling, and passed at once by a moving grain [1]
 
 
@@ -88,17 +90,17 @@ def angle_at_which_grains_slide(
     name = "sliding_angle"
     if reason := why_frames_unmeasurable(frames):
         return no_measurement(name, "deg", reason)
-    displacements, first, diameter = [], frames[0], median_diameter_by_volume(frames[0])
+    displacements, first, diameter = list[float](), frames[0], median_diameter_by_volume(frames[0])
     for frame in frames:
         _, one, two = np.intersect1d(first.ident, frame.ident, return_indices=True)
         shift = np.linalg.norm(frame.position[two] - first.position[one], axis=1)
         displacements.append(float(np.median(shift)) / diameter)
-    beyond = np.flatnonzero(np.asarray(displacements) >= share)
-    if beyond.size == 0:
+    if max(displacements) < share:
         return no_measurement(name, "deg", f"nothing slid up to {degrees(tilts[-1]):.2f} deg")
-    k = int(beyond[0])
-    part = (share - displacements[k - 1]) / (displacements[k] - displacements[k - 1])
-    angle = tilts[k - 1] + part * (tilts[k] - tilts[k - 1])
+    k = int(np.argmax(np.asarray(displacements) >= share))
+    reached = np.maximum.accumulate(displacements[: k + 1])  # of a median that may go back a little
+    early, angle = np.interp([EARLY * share, share], reached, tilts[: k + 1])
     sd = degrees(tilts[k] - tilts[k - 1]) / sqrt(12.0)
     details = {"displacements": displacements, "friction": float(np.tan(angle))}
-    return Measurement(name, degrees(angle), sd, "deg", details=details)
+    lacking = tuple(tilt_shortfalls(degrees(angle - early)))
+    return Measurement(name, degrees(angle), sd, "deg", details=details, shortfalls=lacking)

@@ -149,7 +149,8 @@ def refuse_uncertain_detection(path: Path, detection: Detection, steadiness: tup
         span = f"{low:.0f} to {high:.0f} deg" if high < inf else "a heap is lost"
         reason = f"the outline depends on the threshold ({span}): uneven light or a weak contrast"
     elif abs(angles[0] - angles[-1]) > MOST_DIFFERENCE:
-        reason = f"the flanks differ, {angles[0]:.0f} and {angles[-1]:.0f} deg: a shadow, or another object"
+        causes = "a shadow, another object, or a tilted camera"
+        reason = f"the flanks differ, {angles[0]:.0f} and {angles[-1]:.0f} deg: {causes}"
     elif detection.mean_flank_angle < LEAST_ANGLE:
         reason = f"{detection.mean_flank_angle:.1f} deg is flatter than any heap of grains"
     elif (share := rms_outline_deviation(detection)) > MOST_DEVIATION:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import mark_toml, write_atomic
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.heap import OUTLINE_BINS, RADIUS_SHARE
 from taichi_erosion.measures.silhouette import SHOULDER_SHARE, fit_polynomial, heights_of_fit_window
@@ -103,10 +103,10 @@ def measure_heap_table(
     return [*(h for k, h in enumerate(cells.heading) if k not in chosen), *names], rows
 
 
-def write_heap_table(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Path:
+def write_heap_table(path: Path, source: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Path:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *rows])
-    return write_atomic(path, text.getvalue().encode())
+    return write_atomic(path, mark_toml(path, source, text.getvalue()))
 
 
 def find_column(cells: Cells, choice: str | None, words: Sequence[str], option: str) -> int:

@@ -40,6 +40,8 @@ LEAST_HOPS = 50  # exponential hops make a flux within sqrt(2 / n) = 20 % [1]
 DRIFT = 3.71  # Student's t of a slope through eight means that chance exceeds once in a hundred [1]
 TINY = 1e-12  # of a sum of squares, left by rounding
 LEAST_BINS = 6  # a surface of n bins, each off by up to half a grain, slopes within 1 / sqrt(n^3 - n) = 4 deg
+UNSTEADY = 0.3  # sd of the frames over the mean: a flowing surface keeps within 0.1 of it [1]
+LAG_MOST = 0.5  # deg: half the lag of a ball that rolls off, whose path grows with the cube of the time
 LEAST_BEDS = 5  # beds scatter by 11 % (doe/wind/fluid.csv): the 95 % interval of five is 14 % to either side
 
 
@@ -109,6 +111,24 @@ def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
     if bins < LEAST_BINS:
         words = f"the surface is {bins:.0f} grains wide, {LEAST_BINS} are needed: larger drum or finer grains"
         yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
+
+
+def surface_scatter_shortfalls(mean: float, sd: float) -> Iterator[Shortfall]:
+    """Shortfall of the slope of a surface that is another in each frame."""
+    if sd > UNSTEADY * mean:
+        words = (
+            f"frames scatter by {sd:.2g} deg: no steady surface, as where the drum turns too fast or empties"
+        )
+        yield Shortfall("unsteady_surface", words, sd, UNSTEADY * mean, True)
+
+
+def tilt_shortfalls(lag: float) -> Iterator[Shortfall]:
+    """Shortfall of a sliding angle whose plate turns by `lag` [deg] while the grains set off."""
+    if lag > LAG_MOST:
+        words = (
+            f"the plate turns by {lag:.2g} deg while grains set off, so that the angle is too large by about "
+        )
+        yield Shortfall("fast_tilt", f"{words}twice that: tilt more slowly", lag, LAG_MOST, False)
 
 
 def drift_shortfalls(means: Sequence[float]) -> Iterator[Shortfall]:

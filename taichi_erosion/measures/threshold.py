@@ -16,7 +16,7 @@ UNIT = "m s-1"
 # thresholds whose measurements hold no bracket
 LINE = "impact_threshold_linear"
 THRESHOLDS = (LINE, "threshold_ratio", "threshold_ratio_linear")
-NOT_REACHED = "the search did not get that far"
+NOT_REACHED = "the search did not get that far, or the bed moved in its first wind"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
 SCALES = np.geomspace(1e-4, 1.0, 200)  # of the law, in logarithms: from next to none to any [1]

@@ -121,7 +121,8 @@ def read_toml(path: str | Path, kind: FileKind = "scene") -> dict[str, Any]:
     try:
         return deepcopy(dict(parse_toml(read_text_of_file(Path(path), name))))
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{name}: not a TOML file: {first_error_line(error)}") from None
+        rules = "text stands in quotes, and decimals have a point"
+        raise BadInput(f"{name}: not a TOML file: {first_error_line(error)}; {rules}") from None
 
 
 @lru_cache(maxsize=MOST_TREES)

@@ -8,6 +8,7 @@ from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.run_words import measured_value_texts, run_warnings, with_sd_text
 from taichi_erosion.evidence.words.vocabulary import in_words
 from taichi_erosion.measures.wind_formulas import RANGES
+from taichi_erosion.scene.preparation.limits import DUST
 from taichi_erosion.tables.number_words import plain
 from taichi_erosion.wind.survey import MOST_BEDS, Survey, relative_half_width
 
@@ -91,6 +92,8 @@ def survey_notes(document: Document) -> Iterator[str]:
     for name, share in document["precision"].items():
         if document["runs"] and (off := relative_half_width(document["runs"]["thresholds"], name)) > share:
             yield f"warning: {in_words(name)}: known to {off:.0%}, {share:.0%} was asked: use more --beds"
+    if document["sand"]["diameter"] < DUST:
+        yield "warning: such grains are dust, which stays aloft: formulas and scenes are of sand that hops"
     if document["sand"]["moisture"] > 0.0:
         yield "The formulas are those of dry sand."
     laws = document["fluid_threshold"] | document["impact_threshold"]

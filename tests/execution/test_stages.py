@@ -8,7 +8,7 @@ import pytest
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.evidence.words.run_words import measured_value_texts, steady_window_texts
 from taichi_erosion.execution.observables import MeasureInput, measure_observable
-from taichi_erosion.execution.stages import ReplicaState, stage_friction_velocity, steady_transport_window
+from taichi_erosion.execution.stages import ReplicaState, steady_transport_window
 from taichi_erosion.measures.result import as_record
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.scene import load_scene
@@ -33,9 +33,9 @@ def bed(shares: np.ndarray) -> ReplicaState:
 
 
 def test_the_wind_of_a_stage_is_that_stated_last_and_what_reaches_the_patch():
-    assert stage_friction_velocity(SCENE, STAGE) == FRICTION  # stated by the stage before
-    assert stage_friction_velocity(load_scene(SALTATION, ("wind.partition=0.5",)), STAGE) == 0.5 * FRICTION
-    assert stage_friction_velocity(SCENE, 0) == 0.0
+    assert SCENE.friction_velocity_of_stage(STAGE) == FRICTION  # stated by the stage before
+    assert load_scene(SALTATION, ("wind.partition=0.5",)).friction_velocity_of_stage(STAGE) == 0.5 * FRICTION
+    assert SCENE.friction_velocity_of_stage(0) == 0.0
 
 
 def test_beds_of_one_scene_are_balanced_together_and_share_a_window():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.physical_ranges import range_at
 from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
@@ -26,6 +27,7 @@ OUTLET_LEAST = 5.0  # largest grains that the outlet of a funnel should be wide 
 RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
 HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
 NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
+DUST = 2e-5  # m, diameter below which a grain is carried in suspension (docs/physics.md)
 SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
 
 
@@ -316,8 +318,31 @@ def step_report(scene: Scene) -> dict[str, Any]:
         "rolling": list(rolling_friction_sentences(scene)),
         "kinds": list(grain_kind_sentences(scene)),
         "adhesion": sticking,
-        "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene)],
+        "warnings": [*warnings, *outlet_warnings(scene), *inlet_warnings(scene), *entry_warnings(scene)],
     }
+
+
+def entry_warnings(scene: Scene) -> Iterator[str]:
+    """Sentences on entries that change nothing, or are hardly meant as they stand."""
+    rolling = [pair for pair, contact in sorted(scene.contact.items()) if contact.friction_rolling]
+    if rolling and scene.laws.rolling == "none":
+        yield f"contact.{rolling[0]}.friction_rolling changes nothing: laws.rolling is 'none'"
+    for name, value in scene.conditions.values_in_si().items():
+        allowed = range_at(f"conditions.{name}")
+        if allowed and not allowed.is_usual(value):
+            usual = f"usual are {allowed.usual[0]:g} to {allowed.usual[1]:g} {allowed.unit}"
+            yield f"conditions.{name} = {value:g} {allowed.unit}: {usual}; check number and unit"
+    if scene.wind is None:
+        return
+    if (finest := sizes.size_range(scene.grains)[0]) < DUST:
+        yield f"grains of {1e6 * finest:.3g} um are dust, which stays aloft: this wind is of sand that hops"
+    search = next((k for k, stage in enumerate(scene.stages) if stage.until == "threshold"), 0)
+    if (
+        search
+        and not scene.threshold.transport
+        and (friction := scene.friction_velocity_of_stage(search - 1))
+    ):
+        yield f"the bed settles in a wind of u* = {friction:g} m/s before its threshold is sought"
 
 
 def refuse_too_long_time_step(scene: Scene) -> None:

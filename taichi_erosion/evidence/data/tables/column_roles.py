@@ -263,7 +263,8 @@ def column_unit_faults(cells: Cells, column: Column, named: bool) -> Iterator[st
             hint = f"head it 'grain size ({column.heading.unreadable})' if it is one" if size else hint
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role in SCATTER and has_word(column.heading.name, known_words()["intervals"]["mean"]):
-        yield f"{where}: is no sd of single repeats: give it (variance^1/2, IQR/1.35, half a 95 % CI n^1/2/2); {UNUSED}"
+        ways = "variance^1/2, IQR/1.35, half a 95 % CI n^1/2/2"
+        yield f"{where}: is no sd of single repeats: give it ({ways}); {UNUSED}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
     content = [row[column.place] for _, row in cells.lines]

@@ -126,9 +126,9 @@ def understand_columns(
         stress = any(has_word(each.heading.name, known_words()["computed"]["stress"]) for each in columns)
         tens = any(MULTIPLE.search(each.heading.text) for each in columns)
         faults.append(
-            f"{cells.file}: no column is known as a measured quantity; {STRESS * stress}{TENS * tens}say which "
-            f"one is: --observable 'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME {names}; "
-            f"{CROSS_TABLE}"
+            f"{cells.file}: no column is known as a measured quantity; {STRESS * stress}{TENS * tens}say "
+            f"which one is: --observable 'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME "
+            f"{names}; {CROSS_TABLE}"
         )
     columns = [check_column_unit(find_or_ask_unit(column, reading), reading) for column in columns]
     return set_user_sd(columns, cells, options, faults)
