@@ -38,7 +38,6 @@ def survey_wind(
     """Simulate both thresholds and the flux of your own sand, beside the formulas and your measurements."""
     from taichi_erosion.core.setup import usable_cores
     from taichi_erosion.measures.wind_formulas import Sand
-    from taichi_erosion.scene.physical_ranges import USUAL
     from taichi_erosion.tables.cell_numbers import stated_number
     from taichi_erosion.wind import survey as surveys
     from taichi_erosion.wind import words
@@ -46,8 +45,6 @@ def survey_wind(
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
     water = stated_number(moisture, "1", "--moisture", "1%")
-    if water > USUAL["conditions.moisture"][1]:
-        raise BadInput(f"--moisture {moisture}: is {100.0 * water:g} % of the dry mass; write 1% for 1 %")
     rows = surveys.flux_by_wind(table) if table else ()
     share = stated_number(precision, "1", "--precision", "5%") if precision else inf
     if precision and not 0.0 < share < 1.0:

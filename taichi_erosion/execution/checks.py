@@ -13,6 +13,7 @@ from taichi_erosion.execution.observables import OBSERVABLES, measure_files_of_s
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.scene import Scene, laws, load_scene, resolve, scene_hash, step_report
 from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene, read_toml, validate
+from taichi_erosion.scene.physical_ranges import range_at
 from taichi_erosion.scene.preparation.air import run_time_step, stable_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
@@ -73,8 +74,19 @@ def effect_range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[
 def setup_report(scene: Scene, files: EffectFiles = ()) -> dict[str, Any]:
     """Time step, limits and warnings of a scene and of effects, of files too, that do not act; SI units."""
     report, library = step_report(scene), library_of(scene)
-    lines = (strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items())
-    return report | {"warnings": [*report["warnings"], *filter(None, lines), *idle_warnings(scene, files)]}
+    lines = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
+    lines = [*report["warnings"], *unusual_conditions(scene), *filter(None, lines)]
+    return report | {"warnings": [*lines, *idle_warnings(scene, files)]}
+
+
+def unusual_conditions(scene: Scene) -> Iterator[str]:
+    """Sentences on conditions that are possible, but not usual for soil, sand and wind on Earth."""
+    for name, value in scene.conditions.values_in_si().items():
+        allowed = range_at(f"conditions.{name}")
+        if allowed and allowed.usual and not allowed.is_usual(value):
+            low, high = allowed.usual
+            usual = f"usual are {low:g} to {high:g}; check number and unit"
+            yield f"conditions.{name} = {value:g} {allowed.unit}: {usual}"
 
 
 def read_effects(paths: Sequence[Path]) -> EffectFiles:

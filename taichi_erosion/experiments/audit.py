@@ -226,7 +226,7 @@ def response_findings(table: PublishedTable) -> Iterator[Finding]:
     missing, allowed = np.isnan(table.values), range_of(meaning_of(read_heading(table.response).name)[1])
     if missing.any():
         sentence = f"{missing.sum()} of {missing.size} runs have no response, and are left out"
-        yield Finding("missing", sentence, column=table.response, row=int(missing.argmax()) + 1)
+        yield Finding("not judged", sentence, column=table.response, row=int(missing.argmax()) + 1)
     for row, value in enumerate(table.values.tolist()) if allowed else ():
         if allowed and allowed.unit == "deg" and not (isnan(value) or allowed.is_possible(value)):
             sentence = f"row {row + 1}: {table.response} is {value:g}; it lies from 0 to 90 degrees"

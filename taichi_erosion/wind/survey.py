@@ -23,6 +23,7 @@ from taichi_erosion.measures.shortfalls import LEAST_BEDS
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.measures.wind_formulas import FLUID, FLUX, IMPACT, QUARTZ, Sand, flux_by, iversen_white
 from taichi_erosion.scene.load import SCENES
+from taichi_erosion.scene.physical_ranges import USUAL
 from taichi_erosion.scene.schema.units import parse_unit
 from taichi_erosion.tables.number_words import round_number
 
@@ -50,6 +51,10 @@ class Survey:
     measured: Fluxes = ()
     precision: float = inf  # of a threshold, to which beds are added: that of its 95 % interval, relative [1]
     precise: str = "fluid_threshold"
+
+    def __post_init__(self) -> None:
+        if self.moisture > USUAL["conditions.moisture"][1]:
+            raise BadInput(f"--moisture: soil holds no {self.moisture:.0%} of its dry mass; write 1% for 1 %")
 
     def core_minutes(self, beds: int) -> tuple[float, ...]:
         """Estimated cost of every scene, with this number of beds for the thresholds.

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.physical_ranges import range_at
 from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
@@ -327,11 +326,6 @@ def entry_warnings(scene: Scene) -> Iterator[str]:
     rolling = [pair for pair, contact in sorted(scene.contact.items()) if contact.friction_rolling]
     if rolling and scene.laws.rolling == "none":
         yield f"contact.{rolling[0]}.friction_rolling changes nothing: laws.rolling is 'none'"
-    for name, value in scene.conditions.values_in_si().items():
-        allowed = range_at(f"conditions.{name}")
-        if allowed and not allowed.is_usual(value):
-            usual = f"usual are {allowed.usual[0]:g} to {allowed.usual[1]:g} {allowed.unit}"
-            yield f"conditions.{name} = {value:g} {allowed.unit}: {usual}; check number and unit"
     if scene.wind is None:
         return
     if (finest := sizes.size_range(scene.grains)[0]) < DUST:
