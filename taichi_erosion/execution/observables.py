@@ -128,8 +128,8 @@ class MeasureInput:
         inside = np.zeros(self.end.radius.size, bool)
         for name, wall in self.scene.geometry.items() if inside.size else ():
             pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
-            lifted = isinstance(wall, Cylinder | Cone) and pose.translation[2] > 0.0
-            if isinstance(wall, Funnel) or lifted:
+            lifted = pose.translation[2] > 0.0
+            if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and lifted):
                 rows = np.array(surface_of_revolution_rows(wall))
                 ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
