@@ -212,8 +212,10 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     def print_text(record: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {record['hash']}")
+        if (limits := record.get("limits", {})) and "steps_most" in limits:
+            typer.echo(f"time step {limits['time_step']:.3g} s, at most {limits['steps_most']:,} steps")
         output.print_lines(output.effect_check_lines(record["effects"]))
-        output.print_lines(record.get("limits", {}).get("warnings", ()), output.WARNING)
+        output.print_lines(limits.get("warnings", ()), output.WARNING)
         output.print_lines(set_up_consequences(record))
 
     output.print_result(document, as_json, print_text)

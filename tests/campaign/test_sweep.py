@@ -25,7 +25,7 @@ def simulated(requests: list[RunRequest], ledger, workers, scheduler, progress) 
         one |= {"shortfalls": lacks[:1]}
         measures = {} if seed == 1 else {"pile_height": one}
         failure = "lost grains" if seed == 1 else None
-        results.append(RunResult(request.key, {"measures": measures}, failure))
+        results.append(RunResult(request.key, {"measures": measures, "warnings": ["3 left"]}, failure))
     return results
 
 
@@ -41,7 +41,7 @@ def test_every_value_has_its_mean_scatter_and_number_of_seeds(points):
     assert (low.entry, high.entry) == ("0.1", "0.4")
     assert (low.value, low.sd, low.n) == pytest.approx((1.003, 1e-3, 3))  # seeds 2, 3 and 4
     assert (high.value, high.n) == pytest.approx((4.0035, 2))
-    assert "lost grains" in low.note
+    assert "lost grains; 3 left" in low.note
     assert "too small" in high.note
 
 
@@ -71,4 +71,6 @@ def test_an_order_that_is_no_list_of_values_is_refused(over):
 def test_a_wrong_path_is_refused_before_anything_runs(tmp_path):
     with pytest.raises(BadInput, match="friction_slidin"):
         sweeps.sweep_entry(SCENE, "contact.grain-grain.friction_slidin=0.1,0.2", where=(tmp_path, None, None))
+    with pytest.raises(BadInput, match="repeats are --replicas"):
+        sweeps.sweep_entry(SCENE, "run.seed=1,2", where=(tmp_path, None, None))
     assert not list(tmp_path.iterdir())

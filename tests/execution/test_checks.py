@@ -32,6 +32,11 @@ IDLE = {
 }
 
 
+def test_a_condition_that_is_possible_and_unusual_is_warned_of(tmp_path: Path):
+    report = check_scene(write_scene(tmp_path), (*WET, "conditions.moisture=1.0"))["limits"]
+    assert any("conditions.moisture = 1 kg kg-1: usual are" in line for line in report["warnings"])
+
+
 @pytest.mark.parametrize("name", IDLE)
 def test_a_check_tells_what_an_effect_needs_to_act(tmp_path: Path, name: str):
     (line,) = check_scene(write_scene(tmp_path), ((f"effects.{name}.strength=1"),))["limits"]["warnings"]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from measures.heaps import cone, snapshot_of
 
+from taichi_erosion.core.snapshot import WallPose
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.execution.observables import MeasureInput, measure_observable
 
@@ -26,13 +27,26 @@ def test_grains_that_fell_off_a_disc_change_no_value_of_the_heap_and_are_counted
         assert both.notes == (*one.notes, fell)
 
 
-@pytest.mark.parametrize(("in_funnel", "valued"), [(0.01, True), (0.3, False)])
-def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel: float, valued: bool):
+@pytest.mark.parametrize(
+    ("in_funnel", "waiting", "words"),
+    [(0.01, 0.0, ""), (0.3, 0.0, "still in the funnel"), (0.0, 0.2, "not released yet")],
+)
+def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel, waiting, words):
     heap = cone(30.0, radius=12.0)
     assert heap[:, 2].max() < SCENE.geometry["funnel"].outlet[2]
     stuck = heap[: int(in_funnel * len(heap))] + np.array([0.0, 0.0, 0.06])
     end = snapshot_of(np.concatenate([heap, stuck]))
     for name, request in SCENE.measure.items():
-        found = measure_observable(name, MeasureInput(SCENE, request, end, (), ()))
-        assert np.isfinite(found.value) == valued
-        assert valued or "still in the funnel" in found.notes[0]
+        state = MeasureInput(SCENE, request, end, (), (), waiting=int(waiting * len(heap)))
+        found = measure_observable(name, state)
+        assert np.isfinite(found.value) == (not words)
+        assert words in "".join(found.notes)
+
+
+def test_grains_within_a_tube_that_is_lifted_little_are_no_heap():
+    scene, heap = read_scene(SCENES / "lifting_cylinder.toml", ()), snapshot_of(cone(30.0, radius=6.0))
+    names = [name for name, wall in scene.geometry.items() if wall.shape == "cylinder"]
+    for height, valued in ((0.0, True), (1e-3, False)):
+        poses = {name: WallPose(True, np.eye(3), np.array([0.0, 0.0, height])) for name in names}
+        state = MeasureInput(scene, scene.measure["pile_height"], heap, (), (), poses=poses)
+        assert np.isfinite(measure_observable("pile_height", state).value) == valued

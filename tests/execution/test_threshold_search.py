@@ -18,7 +18,13 @@ FIRST = 0.1  # m s-1
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    words = ["threshold.rise=0.05", "threshold.fall=0.05", "threshold.levels=3", "threshold.share=0.01"]
+    words = [
+        "threshold.rise=0.05",
+        "threshold.fall=0.05",
+        "threshold.levels=3",
+        "threshold.share=0.01",
+        f"threshold.first={FIRST}",
+    ]
     return load_scene(SCENE, [*words, "measure.impact_threshold={}"])
 
 
@@ -57,6 +63,10 @@ def test_the_brackets_hold_the_thresholds_and_are_as_narrow_as_asked(scene: Scen
     assert impact.low < 0.1 <= impact.high
     assert impact.low / impact.high == pytest.approx(0.95)
     assert rolling.low < 0.12 <= rolling.high
+
+
+def test_a_bed_that_rolls_in_the_first_wind_has_no_onset_of_rolling(scene: Scene):
+    assert "rolling_onset" not in searched(scene, rolls=0.0, ramp=0.2, leaves=0.2, rests=0.1).brackets
 
 
 def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene: Scene):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from itertools import product
 
 import numpy as np
 import pytest
@@ -54,6 +55,18 @@ def test_a_level_with_a_slipped_decimal_point_is_named(tmp_path):
     found = audit_table(write(tmp_path / "t.csv", names, rows))
     (odd,) = [finding for finding in found.findings if finding.kind == "cell"]
     assert (odd.row, odd.column, odd.printed) == (4, "B", f"{rows[3][2]:g}")
+
+
+def test_an_axial_run_out_of_place_a_blank_and_an_impossible_angle_are_named(tmp_path):
+    points = [*product((-1, 1), repeat=2), (-1.5, 0), (2, 0), (0, -2), (0, 2), *[(0, 0)] * 3]
+    rows = [[k, a, b, 30.0 + a + 2.0 * b + 0.1 * (k % 3)] for k, (a, b) in enumerate(points)]
+    rows[0][3], rows[9][3] = 291.0, ""
+    found = audit_table(write(tmp_path / "t.csv", ["run", "a", "b", "angle of repose [deg]"], rows)).findings
+    words = " | ".join(finding.sentence for finding in found)
+    assert "axial runs of a: -1.5 and 2 lie unlike far" in words
+    assert "axial runs of b" not in words
+    assert "1 of 11 runs have no response" in words
+    assert "row 1: angle of repose [deg] is 291" in words
 
 
 def test_a_sound_design_is_found_sound(tmp_path):

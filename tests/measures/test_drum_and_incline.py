@@ -66,6 +66,7 @@ def test_the_sliding_angle_is_interpolated_between_frames():
     # half a diameter is reached a quarter of the way from 0.2 to 1.4
     assert (measured.value, measured.sd) == (pytest.approx(12.25), pytest.approx(1.0 / sqrt(12.0)))
     assert measured.details["friction"] == pytest.approx(np.tan(radians(12.25)))
+    assert [each.flag for each in measured.shortfalls] == ["fast_tilt"]  # a twentieth is reached at 11.25
 
 
 def test_grains_that_enter_or_leave_do_not_count_as_moved():

@@ -51,6 +51,10 @@ threshold_u_star: u_star_t_m_s -> m/s; Threshold.friction.velocity..cm.s. -> cm/
 repose_angle: repose_angle_deg_2 -> deg
 conditions.moisture: moisture.content..pct. -> %; w_g_g -> g/g
 conditions.fetch: fetch_m -> m
+conditions.moisture: w (% dry mass) -> %; w [% by mass] -> %; w (% d.b.) -> %
+threshold_u_star: u*tw measured (m/s) -> m/s
+flux: Measured q (g/m/s) -> g/(m s); Soil transport Q (g/m/s) -> g/(m s)
+conditions.pressure: Chamber pressure, mb (CO2) -> mbar
 """  # meaning: heading -> unit; ...
 CHANGED = """
 volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)

@@ -52,6 +52,12 @@ def test_the_only_moist_heaps_are_never_all_held_out(first):
     assert np.delete(wet, hidden).any()
 
 
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))
+def test_heaps_at_the_ends_of_a_condition_are_held_out_last(first):
+    table = replace(measurements(8), value=np.linspace(first, 30.0, 16))
+    assert not {0.0, 0.007} & {w for _, w in held_out(table)}
+
+
 def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
     table = measurements(10, group="collapse")
     hidden = held_out(table)

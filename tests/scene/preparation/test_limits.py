@@ -96,6 +96,19 @@ def test_softening_is_told_with_its_rule_and_its_factor():
     assert line == "soil: stiffness divided by 2e+03, bond number kept (rule 'bond_number')"
 
 
+@pytest.mark.parametrize(
+    ("scene", "change", "words"),
+    [
+        ("funnel_repose", "laws.rolling=none", "friction_rolling changes nothing"),
+        ("wind_threshold", "wind.friction_velocity=0.3", "settles in a wind of u"),
+        ("saltation", "grains.size={law='monodisperse', diameter=1e-5}", "dust"),
+    ],
+)
+def test_an_entry_that_changes_nothing_or_is_hardly_meant_is_warned_of(scene: str, change: str, words: str):
+    before, after = (step_report(load_scene(SOURCE / f"{scene}.toml", each)) for each in ((), (change,)))
+    assert [words in "".join(each["warnings"]) for each in (before, after)] == [False, True]
+
+
 @pytest.mark.parametrize(("width", "warned"), [(5.1, False), (4.9, True)])
 def test_a_funnel_in_which_grains_may_arch_is_warned_of(width: float, warned: bool):
     grain = step_report(load_scene(SOURCE / "funnel_repose.toml"))["diameter"]["high"]

@@ -162,6 +162,12 @@ def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
     ]
 
 
+def test_values_of_which_most_are_unusual_are_asked(tmp_path):
+    text = "Humidity [%];Böschungswinkel [°]\n0,3;31\n0,8;32\n2;33\n50;33\n"
+    with pytest.raises(BadInput, match=r"which is unusual.* --unit 'Humidity \[%\]=%'"):
+        read(tmp_path, text)
+
+
 def test_limits_and_intervals_are_censored_values(tmp_path):
     text = "Feuchte (%);Sandfluss [g/(m s)]\n0;12,5\n1;< 0,02\n2;no transport\n3;0,1..0,4\n4;>40\n"
     found = [each for row in read(tmp_path, text).rows for each in (row.value, row.reach, row.censored)]
