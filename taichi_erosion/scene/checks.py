@@ -31,6 +31,7 @@ GUST = 3.0 * 2.5  # u' that hardly any gust exceeds, over u*: three deviations n
 LID_LEAST = 20.0  # diameters between bed and lid where wind blows: below, the lid lies in the layer that hops
 EXCHANGE_SHARE = 0.1  # of the response of the smallest grain that may pass between two exchanges [1]
 REST_LEAST = 0.1  # of sqrt(d / g): a grain that begins to fall is faster by then than one at rest may be [1]
+TOUCH = 1.0 + 1e-9  # of the sum of two radii, at which spheres touch [1]
 PARALLEL = 0.999  # cosine between two axes that count as one direction [1]
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
@@ -56,6 +57,11 @@ def size_contradictions(scene: Scene) -> Iterator[str]:
         ratio = f"the largest may be {LARGEST_RATIO:g} times the smallest"
         yield f"grains.size: diameters from {low:g} to {high:g} m; {ratio}"
     clump, replicas = scene.grains.clump, scene.run.replicas
+    if clump is not None:
+        centres, radii = (np.array(each) for each in zip(*sizes.spheres_of_clump(clump), strict=True))
+        touch = scipy.spatial.distance.cdist(centres, centres) <= TOUCH * np.add.outer(radii, radii)
+        if scipy.sparse.csgraph.connected_components(touch, directed=False)[0] > 1:
+            yield "grains.clump.spheres: some touch no other; a clump is one grain"
     spheres = scene.grains.count * (len(sizes.spheres_of_clump(clump)) if clump else 1) * replicas
     if spheres > MOST_SPHERES:
         yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"

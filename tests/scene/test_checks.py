@@ -12,6 +12,7 @@ from taichi_erosion.scene.schema.scene import effect_problems
 GRID = "wind.columns=[8, 8]; wind.closure='smagorinsky'; wind.drive='gradient'"
 GUSTS = "effects.turbulent_gusts.strength=1.0"
 OUTSIDE = r"fill.radius = .*: grains would start outside the wall; geometry\."
+APART = "grains.clump={spheres = [{offset = [0, 0, 0], radius = 0.5}, {offset = [5, 0, 0], radius = 0.5}]}"
 MOVING = "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}"
 
 
@@ -61,6 +62,7 @@ REFUSED = [
     ("rotating_drum", "fill.radius=0.031", OUTSIDE),  # a lattice in a drum of 0.03 m that lies on its side
     ("funnel_repose", "fill.radius=0.07", OUTSIDE),  # a pour into a funnel
     ("saltation", "wind.columns=[4, 4]", r"measure\.bed_stress reads a single column"),
+    ("column_collapse", APART, "some touch no other"),
     ("packed_bed", "wind.columns=[4, 4]", "through_flow needs a single column"),
     ("saltation", "wind.surface=0.2", "the lid is inside the bed"),
     ("saltation", "measure.flux={}", r"measure\.flux\.every is missing"),

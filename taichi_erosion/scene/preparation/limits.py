@@ -10,8 +10,8 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
-from taichi_erosion.scene.preparation.walls import bounding_box_of_wall
-from taichi_erosion.scene.schema.geometry import Funnel
+from taichi_erosion.scene.preparation.walls import bounding_box_of_wall, distance_to_wall
+from taichi_erosion.scene.schema.geometry import Funnel, Plane
 from taichi_erosion.scene.schema.grains import Bed, Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -102,6 +102,9 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
         if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
             reason = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
             yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {reason}"
+        for plane, other in scene.geometry.items() if isinstance(wall, Funnel) else ():
+            if isinstance(other, Plane) and distance_to_wall(scene, plane, np.array([wall.outlet]))[0] < 0.0:
+                yield f"geometry.{name}: the outlet lies behind the plane '{plane}'"
 
 
 def inlet_warnings(scene: Scene) -> Iterator[str]:

@@ -100,6 +100,7 @@ def test_softening_is_told_with_its_rule_and_its_factor():
     ("scene", "change", "words"),
     [
         ("funnel_repose", "laws.rolling=none", "friction_rolling changes nothing"),
+        ("funnel_repose", "geometry.funnel.outlet=[0.0, 0.0, -0.05]", "behind the plane 'plate'"),
         ("wind_threshold", "wind.friction_velocity=0.3", "settles in a wind of u"),
         ("saltation", "grains.size={law='monodisperse', diameter=1e-5}", "dust"),
     ],
