@@ -142,7 +142,8 @@ def test_a_search_for_thresholds_goes_on_within_a_trial(phase, searched, windy, 
     kept = folder / f"{phase}.npz"
     resumed = run_scene(windy, RunOptions(threads=1, no_record=True, resume=kept))
     stop_device()
-    assert all(np.isfinite(measure["value"]) for measure in searched["measures"].values())
+    missing = [name for name, measure in searched["measures"].items() if measure["value"] is None]
+    assert missing == ["rolling_onset"], "its grains roll in the first wind"
     assert fingerprint(resumed) == fingerprint(searched)
     assert load_checkpoint(kept)[1]["replicas"][0]["search"]["phase"] == phase
 

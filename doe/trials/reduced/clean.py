@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from doe.trials.reduced.laboratory import (
+    BOX,
     FLUX_FLOOR,
     RANGES,
     TRANSFORMS,
@@ -144,7 +145,7 @@ def acts(law: str, observables: tuple[str, ...], varied: tuple[str, ...]) -> boo
     generator = np.random.default_rng(0)
     at = {
         name: drawn_condition(generator, name, 20) if name in varied else np.full(20, value)
-        for name, value in reduced.DEFAULTS.items()
+        for name, value in {**reduced.DEFAULTS, "width": BOX}.items()
     }
     for name in observables:
         bare, with_law = reduced.model_mean(name, at, {}, {}), reduced.model_mean(name, at, {}, {law: 1.0})

@@ -43,6 +43,7 @@ TRANSFORMS: dict[str, Transform] = {
 FLUX_FLOOR = 1e-4  # kg m-1 s-1, the least that is called transport
 FLUX_ZERO = 1e-5  # kg m-1 s-1, noise of an empty trap
 CENSORING = 0.5  # share of laboratories that write "no transport" below the floor
+BOX = 0.2  # m between the walls of a heap where a laboratory states no width
 REPEATED = 4  # conditions that a laboratory with repeats measures three times
 ROWS, FEW_ROWS = (8, 25), (2, 9)  # of one observable, from and below; few where the design is impossible
 
@@ -122,7 +123,7 @@ class CaseModel:
             found = Place(
                 columns,
                 row_count(conditions),
-                reduced.DEFAULT_COLUMNS | conditions,
+                reduced.DEFAULT_COLUMNS | {"width": np.asarray(BOX)} | conditions,
                 reduced.hash_rows(observable, conditions),
             )
             if not any(column.flags.writeable for column in columns):
