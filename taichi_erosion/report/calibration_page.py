@@ -38,7 +38,8 @@ POWER = (
 VERDICTS = {
     "Yes.": "In the calibrated scene {name} agrees with the measurement (difference {far}). {power}",
     "No.": "In the calibrated scene {name} differs from the measurement (by {far}). {power} Another range of "
-    "the surface (surface_half in [design]), then the same command, may come nearer.",
+    "the surface (surface_half in [design]), then the same command, may come nearer; where none does, "
+    "another number or an effect is missing.",
     "Not refuted.": "In the calibrated scene no difference of {name} from the measurement is told ({far}), "
     "but the test would more often miss one than see it. {power} More confirmation runs would tell.",
     "Not known.": "The confirmation runs of {name} do not scatter, so no test is possible.",
