@@ -69,6 +69,8 @@ def test_the_speed_of_a_tunnel_is_not_taken_for_a_friction_velocity():
     for text, told in (("6,8", "not the speed of the wind"), ("fast", "write friction velocities")):
         with pytest.raises(BadInput, match=told):
             survey_winds(text, SAND, ())
+    with pytest.raises(BadInput, match="200% of its dry mass"):
+        Survey(SAND, (0.3,), 2.0)
 
 
 def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, monkeypatch, capsys):
@@ -96,6 +98,8 @@ def test_the_command_leaves_scenes_numbers_and_a_picture(measured, tmp_path, mon
     assert main(words) == 2  # what a user has changed stays
     assert main(["wind", "--sand", "0.18mm", "--formulas"]) == 0
     assert (printed.out.count("brackets:"), capsys.readouterr().out.count("brackets:")) == (2, 0)
+    assert main(["wind", "--sand", "5um", "--formulas"]) == 0
+    assert "dust" in capsys.readouterr().out
     assert main(["wind", "--sand", "0.18mm", "--formulas", "--json"]) == 0
     formulas = json.loads(capsys.readouterr().out)
     assert formulas["runs"] == {}
