@@ -22,7 +22,7 @@ Reference: Harlow & Welch (1965), Phys. Fluids 8, 2182; Verstappen & Veldman (20
 343; van Leer (1974), J. Comput. Phys. 14, 361.
 """
 
-from taichi_erosion.air.wall_law import wall_conductance
+from taichi_erosion.air.wall_law import FLOOR, wall_conductance
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
@@ -30,7 +30,7 @@ real = ti.f64
 
 UNIT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # step to the next cell along each axis
 PERIOD_SIDES = ("x_low", "y_low")
-FLOOR, LID = SIDES.index("z_low"), SIDES.index("z_high")
+LID = SIDES.index("z_high")
 TINY = 2.0**-100  # keeps a ratio of slopes finite
 
 

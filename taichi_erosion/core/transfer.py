@@ -53,11 +53,6 @@ def byte_offset_from_root(node: Any) -> int:
     return distance
 
 
-def byte_strides(shape: tuple[int, ...], step: int) -> tuple[int, ...]:
-    """Bytes from one element to the next along every axis, the last one the fastest."""
-    return tuple(step * prod(shape[axis + 1 :]) for axis in range(len(shape)))
-
-
 @dataclass(frozen=True)
 class HostViews:
     """Addresses and views found since the device was started."""
@@ -78,12 +73,11 @@ def field_view(field: Any) -> NDArray[Any]:
         tree = node.get_snode_tree_id()
         if tree not in views.trees:
             views.trees[tree] = field_address(field) - byte_offset_from_root(node)
-        shape, inner, cell = field.shape, element_shape(field), node.parent.cell_size_bytes
-        number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
-        strides = (*byte_strides(shape, cell), *byte_strides(inner, number_type.itemsize))
-        extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-        numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + byte_offset_from_root(node))
-        views.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
+        element, size = (NUMPY_TYPES[str(field.dtype)], element_shape(field)), node.parent.cell_size_bytes
+        cell = np.dtype({"names": ["field"], "formats": [element], "itemsize": size})
+        buffer = ctypes.c_char * (prod(field.shape) * size)
+        cells = buffer.from_address(views.trees[tree] + byte_offset_from_root(node))
+        views.views[field] = np.ndarray(field.shape, cell, cells)["field"]
     return views.views[field]
 
 
