@@ -158,7 +158,6 @@ def interpolate_viscosity(air_out: ti.template(), r, i, j):
 
 @ti.func
 def set_eddy_viscosity(air_out: ti.template(), r, i, j):
-    """Eddy viscosity of one column of cells."""
     if ti.static(air_out.model.closure == "mixing_length"):
         set_mixing_length_viscosity(air_out, r, i, j)
     else:

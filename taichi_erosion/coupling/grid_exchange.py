@@ -70,7 +70,6 @@ def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
 def each_selected_replica(
     task: ti.template(), count: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
-    """Run one task for every selected replica."""
     for lane in range(count * chunk):
         if lane % chunk == 0 and coupling_out.air.active[lane // chunk] == 1:
             task(world_out, coupling_out, lane // chunk)

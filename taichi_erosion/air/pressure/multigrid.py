@@ -296,7 +296,6 @@ def sweep_symmetrically(levels_out: ti.template(), level, sweeps, r):
 
 
 def coarsest_sweep_count(levels: MultigridLevels) -> int:
-    """Number of symmetric sweeps on the coarsest level."""
     longer = levels.columns[-1]
     return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
 
