@@ -113,7 +113,6 @@ def fill_velocity_ghosts_in_range(air_out: ti.template(), first, last):
 
 @ti.kernel
 def fill_velocity_ghosts(air_out: ti.template()):
-    """Velocities in all ghosts of all replicas."""
     fill_velocity_ghosts_in_range(air_out, 0, air_out.count)
 
 

@@ -5,7 +5,7 @@
       + div_xy(eps (nu + nu_t) grad u)  explicit    horizontal_diffusion
       + d/dz(eps (nu + nu_t) du/dz)     theta       conductance_below, in implicit_z.py
       - (eps / rho) (grad p + G)        explicit    pressure_gradient and driving; see pressure/
-      + f / rho                         explicit    grain_force
+      + f / rho                         explicit    of grains, in body_force
       - beta u / rho                    implicit    drag_rate
       + u*^2 / h                        explicit    stress on a lid, in the layer of height h below it
 
@@ -22,15 +22,14 @@ Reference: Harlow & Welch (1965), Phys. Fluids 8, 2182; Verstappen & Veldman (20
 343; van Leer (1974), J. Comput. Phys. 14, 361.
 """
 
-from taichi_erosion.air.wall_law import wall_conductance
+from taichi_erosion.air.wall_law import FLOOR, wall_conductance
 from taichi_erosion.core.air_setup import SIDES
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
 UNIT = ((1, 0, 0), (0, 1, 0), (0, 0, 1))  # step to the next cell along each axis
-PERIOD_SIDES = ("x_low", "y_low")
-FLOOR, LID = SIDES.index("z_low"), SIDES.index("z_high")
+LID = SIDES.index("z_high")
 TINY = 2.0**-100  # keeps a ratio of slopes finite
 
 
@@ -48,7 +47,7 @@ def face_mean(air: ti.template(), values: ti.template(), r, i, j, k, axis: ti.te
 def index_below(air: ti.template(), index, axis: ti.template()):
     """Index along x or y of what lies one below the ghosts: round the period, or the ghost."""
     below = ti.max(index, -1)
-    if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
+    if ti.static(air.kinds[SIDES[2 * axis]] == "periodic"):
         below = ti.select(index < -1, index + air.cells[axis], index)
     return below
 
@@ -79,12 +78,6 @@ def cell_viscosity(air: ti.template(), r, i, j, k):
     if ti.static(air.model.exchange):
         value *= air.void_fraction[r, i, j, k]
     return value
-
-
-@ti.func
-def spacing_below(air: ti.template(), r, k, axis: ti.template()):
-    """Distance to the next velocity below [m]."""
-    return air.height[r, k - 1] if ti.static(axis == 2) else air.centre[r, k] - air.centre[r, k - 1]
 
 
 @ti.func
@@ -123,9 +116,8 @@ def index_two_beyond(air: ti.template(), index, axis: ti.template()):
     """Index along an axis of a value two beyond a side: round the period, or the last ghost."""
     n = ti.static(air.cells[axis])
     place = ti.min(ti.max(index, -1), n)
-    if ti.static(axis < 2):
-        if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
-            place = (index + 2 * n) % n
+    if ti.static(axis < 2 and air.kinds[SIDES[2 * axis]] == "periodic"):
+        place = (index + 2 * n) % n
     return place
 
 
@@ -244,12 +236,6 @@ def drag_rate(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def grain_force(air: ti.template(), r, i, j, k, axis: ti.template()):
-    """Explicit force f of the grains along an axis, per volume [N m-3]."""
-    return control_volume_mean(air, air.exchange_force, r, i, j, k, axis)[axis]
-
-
-@ti.func
 def pressure_gradient(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Gradient of the pressure across the low face, without its driving part [Pa m-1]."""
     slope = real(0.0)
@@ -267,7 +253,7 @@ def body_force(air: ti.template(), r, i, j, k, axis: ti.template()):
     slope = pressure_gradient(air, r, i, j, k, axis) + numbers.driving_gradient[r][axis]
     value = -face_void_fraction(air, r, i, j, k, axis) * slope
     if ti.static(air.model.exchange):
-        value += grain_force(air, r, i, j, k, axis)
+        value += control_volume_mean(air, air.exchange_force, r, i, j, k, axis)[axis]
     value /= numbers.density[r]
     if ti.static(axis == 0 and air.kinds["z_high"] == "stress"):
         if k == air.cells[2] - 1:
@@ -278,15 +264,16 @@ def body_force(air: ti.template(), r, i, j, k, axis: ti.template()):
 @ti.func
 def viscous_conductance(air: ti.template(), r, i, j, k, axis: ti.template()):
     """Eps (nu + nu_t) over the distance to the next velocity below [m s-1]."""
-    value = real(0.0)
+    value, distance = real(0.0), air.height[r, k - 1]
     if ti.static(axis == 2):
         value = cell_viscosity(air, r, i, j, k - 1)
     else:
+        distance = air.centre[r, k] - air.centre[r, k - 1]
         value = air.numbers.viscosity[r] + face_mean(air, air.eddy_face, r, i, j, k, axis)
         if ti.static(air.model.exchange):
             void = face_mean(air, air.void_fraction, r, i, j, k, axis)
             value *= 0.5 * (void + face_mean(air, air.void_fraction, r, i, j, k - 1, axis))
-    return value / spacing_below(air, r, k, axis)
+    return value / distance
 
 
 @ti.func
@@ -329,23 +316,11 @@ def conductance_below(air: ti.template(), r, i, j, k, axis: ti.template()):
 
 
 @ti.func
-def first_solved_face(air: ti.template(), axis: ti.template()):
-    """Index of the first face along an axis whose velocity is not given by a side."""
-    first = 1
-    if ti.static(axis < 2):
-        if ti.static(air.kinds[PERIOD_SIDES[axis]] == "periodic"):
-            first = 0
-    return first
-
-
-@ti.func
 def is_velocity_unknown(air: ti.template(), i, j, axis: ti.template()):
     """Whether the velocities along an axis in a column of cells are unknowns, not given by a side."""
     by_side = False
-    if ti.static(axis == 0):
-        by_side = i < first_solved_face(air, 0)
-    elif ti.static(axis == 1):
-        by_side = j < first_solved_face(air, 1)
+    if ti.static(axis < 2 and air.kinds[SIDES[2 * axis]] != "periodic"):
+        by_side = (i if ti.static(axis == 0) else j) == 0
     return not by_side
 
 

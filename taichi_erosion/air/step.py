@@ -13,8 +13,6 @@ serves boxes that are periodic along x and y.
 Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 """
 
-from dataclasses import dataclass
-
 from taichi_erosion.air.boundary import (
     fill_cell_ghosts,
     fill_cell_ghosts_in_range,
@@ -54,28 +52,18 @@ from taichi_erosion.core.ti import ti
 real = ti.f64
 
 
-@dataclass(frozen=True)
-class Stage:
-    """Share of the step that a stage takes, and weights of the explicit rates now and before [1]."""
-
-    share: float
-    now: float
-    before: float
-
-
-STAGES = {
+STAGES = {  # of a step: share of it that a stage takes, weights of the explicit rates now and before [1]
     "runge_kutta": (
-        Stage(8.0 / 15.0, 8.0 / 15.0, 0.0),
-        Stage(2.0 / 15.0, 5.0 / 12.0, -17.0 / 60.0),
-        Stage(1.0 / 3.0, 3.0 / 4.0, -5.0 / 12.0),
+        (8.0 / 15.0, 8.0 / 15.0, 0.0),
+        (2.0 / 15.0, 5.0 / 12.0, -17.0 / 60.0),
+        (1.0 / 3.0, 3.0 / 4.0, -5.0 / 12.0),
     ),
-    "euler": (Stage(1.0, 1.0, 0.0),),
+    "euler": ((1.0, 1.0, 0.0),),
 }
 
 
 @ti.func
 def advance_clock(air_out: ti.template(), r):
-    """Clock of one replica, advanced by a step."""
     air_out.numbers.time[r] = air_out.numbers.time[r] + air_out.numbers.time_step[r]
 
 
@@ -93,8 +81,9 @@ def extrapolate_outlets(air_out: ti.template()):
             air_out.velocity_z[r, i, j, nz] = air_out.velocity_z[r, i, j, nz - 1]
 
 
-def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
-    """One stage of all replicas in parallel; returns the iterations of its pressure solve."""
+def advance_stage(air: Air, stage: tuple[float, float, float], tolerance: float) -> int:
+    """One of STAGES for all replicas in parallel; returns the iterations of its pressure solve."""
+    share, now, before = stage
     if air.model.closure != "none":
         apply_to_all_columns(set_eddy_viscosity, air)
         fill_cell_ghosts(1, air, air.eddy_cell)
@@ -102,16 +91,16 @@ def advance_stage(air: Air, stage: Stage, tolerance: float) -> int:
         fill_wall_viscosity(air)
     apply_to_all_columns(set_explicit_rates, air)
     for axis in range(3):
-        predict_velocity(axis, stage.share, stage.now, stage.before, air)
+        predict_velocity(axis, share, now, before, air)
     extrapolate_outlets(air)
     fill_velocity_ghosts(air)
     if air.model.exchange:
-        set_conductances(air, stage.share)
+        set_conductances(air, share)
     apply_to_all_columns(set_right_hand_side, air)
     if air.model.exchange and "outlet" not in air.kinds.values():
         apply_to_all_replicas(subtract_mean_divergence, air)
     iterations = solve_pressure(air, tolerance)
-    apply_stage_to_all_columns(correct_column_velocity, stage.share, air)
+    apply_stage_to_all_columns(correct_column_velocity, share, air)
     fill_velocity_ghosts(air)
     fill_cell_ghosts(-1, air, air.pressure)
     return iterations
@@ -146,9 +135,9 @@ def stage_weights(air: ti.template(), number):
     """Share of the step, and weights of the explicit rates now and before, of one stage [1]."""
     share, now, before = real(0.0), real(0.0), real(0.0)
     for n in ti.static(range(len(STAGES[air.model.scheme]))):
-        (stage,) = ti.static((STAGES[air.model.scheme][n],))
+        stage = ti.static(STAGES[air.model.scheme][n])
         if n == number:
-            share, now, before = real(stage.share), real(stage.now), real(stage.before)
+            share, now, before = real(stage[0]), real(stage[1]), real(stage[2])
     return share, now, before
 
 

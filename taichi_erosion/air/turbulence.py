@@ -12,14 +12,12 @@ Reference: Escudier (1966), Imperial College report TWF/TN/1; Mason & Thomson (1
 van Driest (1956), J. Aeronaut. Sci. 23, 1007.
 """
 
-from taichi_erosion.air.wall_law import SMALLEST, floor_mixing_length, rough_friction_velocity
-from taichi_erosion.core.air_setup import SIDES
+from taichi_erosion.air.wall_law import FLOOR, SMALLEST, floor_mixing_length, rough_friction_velocity
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
 
 EDGE = 0.9900000095367432  # of the speed aloft at which a layer ends [1]; the f32 next to 0.99
-FLOOR = SIDES.index("z_low")
 
 
 @ti.func
@@ -147,24 +145,19 @@ def set_smagorinsky_viscosity(air_out: ti.template(), r, i, j):
 @ti.func
 def interpolate_viscosity(air_out: ti.template(), r, i, j):
     """Cells take the mean of their faces, or faces of their cells, whichever the closure does not give."""
-    n = air_out.cells[2]
+    n, face_out, cell_out = ti.static(air_out.cells[2], air_out.eddy_face, air_out.eddy_cell)
     if ti.static(air_out.model.closure == "mixing_length"):
-        air_out.eddy_face[r, i, j, 0] = 0.0
-        air_out.eddy_face[r, i, j, n] = air_out.eddy_face[r, i, j, n - 1]
+        face_out[r, i, j, 0] = 0.0
+        face_out[r, i, j, n] = face_out[r, i, j, n - 1]
         for k in range(n):
-            air_out.eddy_cell[r, i, j, k] = 0.5 * (
-                air_out.eddy_face[r, i, j, k] + air_out.eddy_face[r, i, j, k + 1]
-            )
+            cell_out[r, i, j, k] = 0.5 * (face_out[r, i, j, k] + face_out[r, i, j, k + 1])
     else:
         for k in range(1, n):
-            air_out.eddy_face[r, i, j, k] = 0.5 * (
-                air_out.eddy_cell[r, i, j, k] + air_out.eddy_cell[r, i, j, k - 1]
-            )
+            face_out[r, i, j, k] = 0.5 * (cell_out[r, i, j, k] + cell_out[r, i, j, k - 1])
 
 
 @ti.func
 def set_eddy_viscosity(air_out: ti.template(), r, i, j):
-    """Eddy viscosity of one column of cells."""
     if ti.static(air_out.model.closure == "mixing_length"):
         set_mixing_length_viscosity(air_out, r, i, j)
     else:

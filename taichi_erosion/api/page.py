@@ -47,10 +47,6 @@ HEADERS = {  # nothing is loaded from, sent to or told to another server
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
 }
-FOREIGN = "this session answers its own page on this machine alone"
-NO_TOKEN = "the address lacks the token that the program printed"
-ENDED = "another run or session has begun in this program; this one has ended"
-OWNED = "another page steers this session; close it, then this one goes on"
 
 
 PAGES: list["Page"] = []  # of this program; its device holds one session
@@ -250,17 +246,17 @@ class Handler(BaseHTTPRequestHandler):
         page, host, origin = self.page, self.headers.get("Host"), self.headers.get("Origin")
         hosts = {f"{each}:{page.port}" for each in (LOOPBACK, "localhost")}
         if host not in hosts or origin not in (None, f"http://{host}"):
-            return 403, TEXT, FOREIGN.encode()
+            return 403, TEXT, b"this session answers its own page on this machine alone"
         if not compare_digest(token.encode(), page.token.encode()):
-            return 403, TEXT, NO_TOKEN.encode()
+            return 403, TEXT, b"the address lacks the token that the program printed"
         if not name:
             return 200, HTML, Path(__file__).with_name("page.html").read_bytes()
         if name in KINDS and page.files is not None:
             return 200, KINDS[name], page.files.result()[name]
         if not page.steers_session(query.get("owner", "")):
-            return 409, TEXT, OWNED.encode()
+            return 409, TEXT, b"another page steers this session; close it, then this one goes on"
         if not page.session.sim.device_fields_exist:
-            return 410, TEXT, ENDED.encode()
+            return 410, TEXT, b"another run or session has begun in this program; this one has ended"
         return page.answer(name, query, body)
 
 

@@ -173,7 +173,6 @@ def help_command(session: Session, path: str = "") -> str:
 
 
 def usage_line(name: str) -> str:
-    """Line of the help on a command."""
     return next(line for line in HELP.split("\n") if line.startswith(f"{name} "))
 
 

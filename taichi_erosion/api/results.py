@@ -49,8 +49,8 @@ class Result:
 
     @property
     def found(self) -> list[str]:
-        """What was found, in plain sentences; what is wrong with the set-up comes first."""
-        return [*self.reply.about["set_up"], *self.reply.answer().lines]
+        """What was found, in plain sentences with calls of Python; what is wrong with the set-up first."""
+        return [*self.reply.about["set_up"], *self.reply.answer(call=partial(python_call, self.study)).lines]
 
     @property
     def table(self) -> pd.DataFrame:
@@ -71,11 +71,6 @@ class RaceResult(Result):
     reply: "Reply"
 
     @property
-    def found(self) -> list[str]:
-        """The same, with calls of Python in place of commands."""
-        return [*self.reply.about["set_up"], *self.reply.answer(call=partial(python_call, self.study)).lines]
-
-    @property
     def record(self) -> "Record":
         """All numbers of the answer, in the units of the model."""
         return self.reply.record
@@ -93,7 +88,8 @@ class RaceResult(Result):
         for key in ("measured", "sd", "before", "after"):
             columns[key] = list(map(units.value, rows.observable, getattr(rows, key)))
         for name, numbers in rows.conditions.items():
-            columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
+            title = heading(name, units.condition_unit(name))
+            columns[title] = [units.condition(name, number) for number in numbers]
         return WholeTable(columns)
 
     @property
@@ -181,7 +177,8 @@ class DiscoveryResult(RaceResult):
         for curve in self.record.curves:
             name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
             unit = unit_of(units, name) if is_offset else "factor"
-            labels = {"observable": name, "unit": unit, "condition": condition_heading(units, axis)}
+            title = heading(axis, units.condition_unit(axis))
+            labels = {"observable": name, "unit": unit, "condition": title}
             for point in curve.points:
                 ends = {"value": point.value, "low": point.low, "high": point.high}
                 sizes = {key: units.value(name, x) if is_offset else x for key, x in ends.items()}
@@ -220,7 +217,7 @@ class ExperimentsResult(RaceResult):
             name = experiment.observable
             row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
             for axis, x in experiment.conditions.items():
-                row[condition_heading(units, axis)] = units.condition(axis, x)
+                row[heading(axis, units.condition_unit(axis))] = units.condition(axis, x)
             for key, expected in experiment.predictions.items():
                 ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
                 row |= {column: units.value(name, number) for column, number in ends.items()}
@@ -258,8 +255,3 @@ def prediction_table(reply: "Reply") -> pd.DataFrame:
 def unit_of(units: TableUnits, observable: str) -> str:
     """Unit of an observable, `1` for a pure number."""
     return units.value_unit(observable) or "1"
-
-
-def condition_heading(units: TableUnits, name: str) -> str:
-    """`diameter [mm]`."""
-    return heading(name, units.condition_unit(name))

@@ -184,7 +184,7 @@ def changes_as_overrides(
         if "__" not in name:
             raise BadInput(f"no option '{name}'; there are {', '.join(options)}, and SECTION__ENTRY")
     settings = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
-    return tuple(override_text(*one) for one in settings.items())
+    return tuple(f"{path}={tomlkit.item(value).as_string()}" for path, value in settings.items())
 
 
 def open_run(file: PathLike) -> Run:
@@ -192,11 +192,6 @@ def open_run(file: PathLike) -> Run:
     from taichi_erosion.report.run_page import read_document
 
     return Run(read_document(Path(file).with_suffix(".json")))
-
-
-def override_text(path: str, value: Any) -> str:
-    """`PATH=VALUE` as `--set` takes it."""
-    return f"{path}={tomlkit.item(value).as_string()}"
 
 
 def effects(effect_files: Sequence[PathLike] = ()) -> pd.DataFrame:

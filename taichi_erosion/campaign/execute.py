@@ -56,8 +56,6 @@ def seconds_per_work(requests: Mapping[str, RunRequest], wall_times: Mapping[str
 
 @dataclass
 class Campaign:
-    """A campaign under way."""
-
     requests: dict[str, RunRequest]  # by key
     ledger: Ledger
     pool: pools.Pool

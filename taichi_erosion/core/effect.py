@@ -39,7 +39,6 @@ Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
 Constants = dict[str, float]  # numbers that the device reads, by name
 Probe = Callable[..., Any]  # (params, conditions, **members of the place) -> result of the effect there
 Place = Literal["pair", "first_contact", "grain", "scene", "instrument"]
-STATEFUL = ("pair", "grain")  # places of effects that may have a grain state
 STRENGTH = "strength"  # reserved among an effect's entries in a scene
 STRENGTH_MOST = 100.0  # largest strength that a scene may ask for [1]
 
@@ -127,7 +126,7 @@ class Effect:
         """Raise ValueError for a grain state that nothing updates, or at a place without grains."""
         if (self.grain_state is None) != (self.update_state is None):
             raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
-        places = {"grain_state": STATEFUL, "drag": ("grain",), "gust": ("grain",)}
+        places = {"grain_state": ("pair", "grain"), "drag": ("grain",), "gust": ("grain",)}
         for name, allowed in places.items():
             if getattr(self, name) is not None and self.place not in allowed:
                 raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")

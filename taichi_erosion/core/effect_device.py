@@ -25,15 +25,12 @@ class DeviceEffects:
     vector: tuple[bool, ...]  # whether each gives a vector, compiled in
     any_vector: bool
     drags: tuple[Any, ...]  # ti.func of each that has a factor of the drag, else None
-    changes_drag: tuple[bool, ...]
     any_drag: bool  # compiled in: whether any changes the drag
     gusts: tuple[Any, ...]  # ti.func of each that has gusts, else None
-    has_gust: tuple[bool, ...]
     any_gust: bool  # compiled in: whether any has gusts
-    stateful: tuple[bool, ...]  # whether each has state variables, compiled in
     states: tuple[Any, ...]  # struct field by grain place, then the zeros of a wall; None without variables
     initial_states: tuple[Any, ...]  # struct field by replica
-    updates: tuple[Any, ...]  # ti.func of each that has state variables
+    updates: tuple[Any, ...]  # ti.func of each that has state variables, else None
     wall_place: int  # place whose state is zero: a wall in the role of grain j
     has_state: bool  # whether any has state variables, compiled in
 
@@ -47,7 +44,6 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
     examples = [effects_by_name[name] for name in sorted(effects_by_name)]
     effects = [one.effect for one in examples]
     count = len(replicas)
-    stateful = tuple(effect.grain_state is not None for effect in effects)
     bound = DeviceEffects(
         functions=tuple(effect.act for effect in effects),
         constants=tuple(allocate_struct_field(list(one.constants), count) for one in examples),
@@ -57,17 +53,14 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         vector=tuple(effect.vector for effect in effects),
         any_vector=any(effect.vector for effect in effects),
         drags=tuple(effect.drag for effect in effects),
-        changes_drag=tuple(effect.drag is not None for effect in effects),
         any_drag=any(effect.drag is not None for effect in effects),
         gusts=tuple(effect.gust for effect in effects),
-        has_gust=tuple(effect.gust is not None for effect in effects),
         any_gust=any(effect.gust is not None for effect in effects),
-        stateful=stateful,
         states=tuple(allocate_struct_field(list(one.initial_state), grain_places + 1) for one in examples),
         initial_states=tuple(allocate_struct_field(list(one.initial_state), count) for one in examples),
         updates=tuple(effect.update_state for effect in effects),
         wall_place=grain_places,
-        has_state=any(stateful),
+        has_state=any(effect.update_state is not None for effect in effects),
     )
     write_effect_constants(bound, replicas)
     return bound
@@ -113,7 +106,7 @@ def effect_state_fields(effects: DeviceEffects) -> dict[str, tuple[Any, Any]]:
 @ti.func
 def evaluate_pair_effect(effects: ti.template(), k: ti.template(), r, pair: ti.template(), i, j):
     """Attraction, or force vector on place i, of effect k between places i and j [N]."""
-    if ti.static(effects.stateful[k]):
+    if ti.static(effects.updates[k]):
         return effects.functions[k](effects.constants[k][r], pair, effects.states[k][i], effects.states[k][j])
     else:
         return effects.functions[k](effects.constants[k][r], pair)
@@ -154,7 +147,7 @@ def any_lets_pass(effects: ti.template(), r, contact: ti.template()):
 @ti.func
 def evaluate_grain_effect(effects: ti.template(), k: ti.template(), r, grain: ti.template(), i):
     """Force [N] and torque [N m] of effect k on place i."""
-    if ti.static(effects.stateful[k]):
+    if ti.static(effects.updates[k]):
         return effects.functions[k](effects.constants[k][r], grain, effects.states[k][i])
     else:
         return effects.functions[k](effects.constants[k][r], grain)
@@ -165,7 +158,7 @@ def total_drag_factor(effects: ti.template(), r, grain: ti.template()):
     """Product of the drag factors of all grain effects of replica r [1]."""
     factor = 1.0
     for k in ti.static(range(len(effects.functions))):
-        if ti.static(effects.changes_drag[k]):
+        if ti.static(effects.drags[k]):
             if effects.present[r, k] == 1:
                 factor *= effects.drags[k](effects.constants[k][r], grain)
     return factor
@@ -176,7 +169,7 @@ def total_gust(effects: ti.template(), r, grain: ti.template()):
     """Sum of the gusts of all grain effects of replica r [m s-1]."""
     gust = 0.0 * grain.velocity
     for k in ti.static(range(len(effects.functions))):
-        if ti.static(effects.has_gust[k]):
+        if ti.static(effects.gusts[k]):
             if effects.present[r, k] == 1:
                 gust += effects.gusts[k](effects.constants[k][r], grain)
     return gust
@@ -219,7 +212,7 @@ def advance_states(effects_out: ti.template(), r, grain: ti.template(), i):
     Writes effects_out.states.
     """
     for k in ti.static(range(len(effects_out.functions))):
-        if ti.static(effects_out.stateful[k]):
+        if ti.static(effects_out.updates[k]):
             if effects_out.present[r, k] == 1:
                 before = effects_out.states[k][i]
                 effects_out.states[k][i] = effects_out.updates[k](effects_out.constants[k][r], grain, before)
@@ -229,7 +222,7 @@ def advance_states(effects_out: ti.template(), r, grain: ti.template(), i):
 def copy_effect_states(effects_out: ti.template(), k, i):
     """Copy the state variables of place i to place k."""
     for n in ti.static(range(len(effects_out.functions))):
-        if ti.static(effects_out.stateful[n]):
+        if ti.static(effects_out.updates[n]):
             effects_out.states[n][k] = effects_out.states[n][i]
 
 
@@ -237,5 +230,5 @@ def copy_effect_states(effects_out: ti.template(), k, i):
 def set_initial_effect_states(effects_out: ti.template(), r, i):
     """State variables of a grain that enters at place i."""
     for k in ti.static(range(len(effects_out.functions))):
-        if ti.static(effects_out.stateful[k]):
+        if ti.static(effects_out.updates[k]):
             effects_out.states[k][i] = effects_out.initial_states[k][r]

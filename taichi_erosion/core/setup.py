@@ -154,9 +154,7 @@ class Setup:
     gravity: Triple = (0.0, 0.0, -9.81)  # m s-2
     clumps: ClumpTable | None = None
     domain: tuple[Triple, Triple] = EVERYWHERE  # m, low and high
-    removes_outside: bool = (
-        False  # whether grains that leave the domain are taken out; else one stops the run
-    )
+    removes_outside: bool = False  # whether grains that leave the domain are taken out, or stop the run
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]

@@ -11,7 +11,7 @@ through one kernel and one f64 table instead, which holds f32 and i32 values exa
 
 import ctypes
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from math import prod
 from typing import Any, TypeVar, dataclass_transform
 from weakref import WeakKeyDictionary
@@ -53,38 +53,26 @@ def byte_offset_from_root(node: Any) -> int:
     return distance
 
 
-def byte_strides(shape: tuple[int, ...], step: int) -> tuple[int, ...]:
-    """Bytes from one element to the next along every axis, the last one the fastest."""
-    return tuple(step * prod(shape[axis + 1 :]) for axis in range(len(shape)))
-
-
-@dataclass(frozen=True)
-class HostViews:
-    """Addresses and views found since the device was started."""
-
-    trees: dict[int, int] = field(default_factory=dict)  # address by number of the tree
-    views: WeakKeyDictionary[Any, NDArray[Any]] = field(default_factory=WeakKeyDictionary)  # by field
-
-
-VIEWS: WeakKeyDictionary[Any, HostViews] = WeakKeyDictionary()  # by Taichi runtime: one a start of the device
+Views = WeakKeyDictionary[Any, NDArray[Any]]  # by field
+# by Taichi runtime, one a start of the device: addresses by number of the tree, and views
+FOUND: WeakKeyDictionary[Any, tuple[dict[int, int], Views]] = WeakKeyDictionary()
 
 
 def field_view(field: Any) -> NDArray[Any]:
     """In-place view of all numbers of a field on a CPU: its own shape, then that of one element."""
-    views = VIEWS.setdefault(impl.get_runtime(), HostViews())
-    if field not in views.views:
+    trees, views = FOUND.setdefault(impl.get_runtime(), ({}, Views()))
+    if field not in views:
         impl.get_runtime().materialize()
         node = field.snode.ptr
         tree = node.get_snode_tree_id()
-        if tree not in views.trees:
-            views.trees[tree] = field_address(field) - byte_offset_from_root(node)
-        shape, inner, cell = field.shape, element_shape(field), node.parent.cell_size_bytes
-        number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
-        strides = (*byte_strides(shape, cell), *byte_strides(inner, number_type.itemsize))
-        extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-        numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + byte_offset_from_root(node))
-        views.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
-    return views.views[field]
+        if tree not in trees:
+            trees[tree] = field_address(field) - byte_offset_from_root(node)
+        element, size = (NUMPY_TYPES[str(field.dtype)], element_shape(field)), node.parent.cell_size_bytes
+        cell = np.dtype({"names": ["field"], "formats": [element], "itemsize": size})
+        buffer = ctypes.c_char * (prod(field.shape) * size)
+        cells = buffer.from_address(trees[tree] + byte_offset_from_root(node))
+        views[field] = np.ndarray(field.shape, cell, cells)["field"]
+    return views[field]
 
 
 @dataclass_transform(frozen_default=True, eq_default=False)

@@ -86,12 +86,6 @@ def reduce_residual(world: ti.template(), coupling_out: ti.template(), r, c):
 
 
 @ti.func
-def clear_residual(coupling_out: ti.template(), r, c):
-    """Zero residual momentum of one cell."""
-    coupling_out.exchange.residual_momentum[r, c] = 0.0 * coupling_out.exchange.residual_momentum[r, c]
-
-
-@ti.func
 def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
     """Void fraction and drag terms of one cell for the coming steps of the air."""
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
@@ -133,13 +127,6 @@ def return_residual(coupling_out: ti.template(), r, interval):
 
 
 @ti.func
-def layer_drag_force(air: ti.template(), r, k):
-    """Force of the grains on a layer of a column of air [N m-3]."""
-    force = exchanged_part(air, air.exchange_force[r, 0, 0, k])
-    return force - air.exchange_coefficient[r, 0, 0, k] * cell_wind(air, r, ti.Vector([0, 0]), k)
-
-
-@ti.func
 def add_residual(coupling_out: ti.template(), r, interval):
     """Add what the air has lost in its last step [s] to the residual momentum."""
     air, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
@@ -147,7 +134,9 @@ def add_residual(coupling_out: ti.template(), r, interval):
         i, j, k = cell_indices(air, c)
         gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
         if ti.static(air.is_column):
-            gained = layer_drag_force(air, r, k) * (interval * cell_volume(air, r, k))
+            drag = air.exchange_coefficient[r, i, j, k] * cell_wind(air, r, ti.Vector([i, j]), k)
+            force = exchanged_part(air, air.exchange_force[r, i, j, k]) - drag  # of the grains [N m-3]
+            gained = force * (interval * cell_volume(air, r, k))
         exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - gained
 
 
@@ -203,7 +192,7 @@ def set_spin_up_load(world: ti.template(), coupling_out: ti.template(), r, c, nu
     if number == 0:
         reduce_residual(world, coupling_out, r, c)
     if anew == 1:
-        clear_residual(coupling_out, r, c)
+        coupling_out.exchange.residual_momentum[r, c] = 0.0 * coupling_out.exchange.residual_momentum[r, c]
     set_cell_load(world, coupling_out, r, c)
 
 

@@ -16,7 +16,7 @@ from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import deposit_part, part_count
-from taichi_erosion.coupling.exchange import add_residual, clear_residual, return_residual, update_air_loads
+from taichi_erosion.coupling.exchange import add_residual, return_residual, update_air_loads
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import update_sleep_states
@@ -48,13 +48,6 @@ def match_replica_air(world_out: ti.template(), coupling_out: ti.template(), r):
 
 
 @ti.func
-def clear_replica_residuals(world_out: ti.template(), coupling_out: ti.template(), r):
-    """Zero residual momentum of replica r."""
-    for c in range(coupling_out.air.cell_count):
-        clear_residual(coupling_out, r, c)
-
-
-@ti.func
 def begin_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r for the step of its air."""
     deposit_all_grains(world_out, coupling_out, r)
@@ -77,7 +70,6 @@ def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
 def each_selected_replica(
     task: ti.template(), count: ti.i32, chunk: ti.i32, world_out: ti.template(), coupling_out: ti.template()
 ):
-    """Run one task for every selected replica."""
     for lane in range(count * chunk):
         if lane % chunk == 0 and coupling_out.air.active[lane // chunk] == 1:
             task(world_out, coupling_out, lane // chunk)
@@ -86,11 +78,6 @@ def each_selected_replica(
 def match_air_to_grains(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
     """Drag and void fraction of the selected replicas from their present state."""
     each_selected_replica(match_replica_air, count, chunk, world, coupling)
-
-
-def clear_residuals(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
-    """Zero residual momentum of the selected replicas."""
-    each_selected_replica(clear_replica_residuals, count, chunk, world, coupling)
 
 
 def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk: int) -> None:

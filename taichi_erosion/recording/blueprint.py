@@ -18,7 +18,6 @@ DISTANCE = 2.2  # of the eye from the centre of the ball, over its radius [1]: i
 VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
-SILHOUETTES = "Silhouettes at the end"
 PROFILES = (("Solid fraction", "/solid_fraction"), ("Vertical stress", "/vertical_stress"))
 CHAINS = "Force chains: wider and brighter for larger forces; blue pulls"
 LEGEND = "Colour: speed of moving grains; sand, or by kind: at rest"
@@ -91,7 +90,7 @@ def scene_kind_views(kind: str) -> "list[rrb.View]":
         ]
     contacts = curve_view("Contacts", "/ledger", "contacts", "released")
     if kind in HEAP_KINDS:
-        return [image_view(SILHOUETTES, "/silhouette"), energy, contacts]
+        return [image_view("Silhouettes at the end", "/silhouette"), energy, contacts]
     return [curve_view("Speed", "/ledger", "speed_largest"), energy, contacts]
 
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent_folder, part_path
-from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import ContactNetwork, Snapshot, Totals
 from taichi_erosion.recording import blueprint as blueprints
 from taichi_erosion.recording import pictures, rr, rrb
@@ -84,25 +84,18 @@ class RunHeader:
 
 @dataclass(frozen=True)
 class StaticGrains:
-    """Resting grains as they were last written."""
+    """Resting grains as they were last written: at first none, due at once."""
 
-    ident: NDArray[np.int32]  # [k] rows of the GrainTable, ascending
-    position: NDArray[np.float64]  # [k, 3] m
-    age: int  # frames since
-
-    @staticmethod
-    def empty() -> "StaticGrains":
-        """No grain at rest; due at once."""
-        return StaticGrains(np.empty(0, dtype=np.int32), np.empty((0, 3)), REWRITE_INTERVAL)
+    ident: Integers = field(default_factory=lambda: np.empty(0, np.int32))  # [k] GrainTable rows, ascending
+    position: Floats = field(default_factory=lambda: np.empty((0, 3)))  # [k, 3] m
+    age: int = REWRITE_INTERVAL  # frames since
 
 
 @dataclass
 class Recording:
-    """An open recording."""
-
     path: Path
     stream: "rr.RecordingStream"
-    static_grains: StaticGrains = field(default_factory=StaticGrains.empty)
+    static_grains: StaticGrains = field(default_factory=StaticGrains)
     lock: BufferedWriter | None = None  # of the part file, held until the recording is closed
 
 

@@ -13,7 +13,6 @@ from taichi_erosion.recording.readback import GrainFrame, read_grains
 from taichi_erosion.recording.stream import close, log_scale_bar, open_stream, set_run_properties
 
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
-DESIGN = "design"  # entity with one component for each column of the table of all runs
 MOST_FRAMES = 40  # of each run, evenly spread
 RUN_DISTANCE = 1.35  # of the eye, over the radius that it frames: heaps are low and views wide [1]
 
@@ -30,8 +29,6 @@ class RecordedRun:
 
 @dataclass(frozen=True)
 class StudyPage:
-    """Content of a study's recording."""
-
     title: str
     summary: str  # markdown
     table: str  # markdown
@@ -59,7 +56,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
         stream.log(figure_entity_path(name), rr.EncodedImage(contents=content, media_type="image/png"))
     set_run_properties(recording, "study", page.properties or {})
     if page.columns:
-        stream.log(DESIGN, rr.AnyValues(False, **page.columns), static=True)
+        stream.log("design", rr.AnyValues(False, **page.columns), static=True)
     for run in page.runs:
         log_scale_bar(recording, f"runs/{run.name}/scale", common_focus(films))
         set_run_properties(recording, run.name, run.properties)

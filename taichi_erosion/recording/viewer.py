@@ -199,7 +199,6 @@ def connect_to_viewer(process: subprocess.Popen[bytes], port: int) -> "ViewerCli
 
 
 def has_loaded(client: "ViewerClient") -> bool:
-    """Whether the whole recording has been loaded."""
     state = client.get_state()
     return not state.loading and any(recording.timelines for recording in state.recordings)
 

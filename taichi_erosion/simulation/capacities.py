@@ -62,7 +62,6 @@ def partitions_of_replica(setup: Setup) -> int:
 
 
 def cells_for_grains(grains: int) -> int:
-    """Cells of a replica of so many grains."""
     return max(round_up(grains * CELLS_PER_GRAIN), CELLS_LEAST)
 
 

@@ -34,7 +34,6 @@ COLUMNS = 8  # of a row: partner, normal, distance, force
 
 @ti.func
 def restore_contact_history(entries_out: ti.template(), e, label, tangential, rolling):
-    """Give entry e the history that it had."""
     entries_out.label[e] = label
     entries_out.tangential_displacement[e] = tangential
     entries_out.rolling_displacement[e] = rolling

@@ -27,19 +27,10 @@ def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
     }
 
 
-# columns of the sums of `sum_chunks`
+# columns of the sums of `sum_over_grain_chunks`
 TRANSLATION, ROTATION, POTENTIAL, STORED, SPEED, RELEASED, CONTACTS, OVERLAP = range(8)
 CHUNK = 16  # grains that one thread sums where one thread advances one grain
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
-
-
-@ti.func
-def contact_spring_energy(world: ti.template(), row, overlap, root_radius, tangential, rolling):
-    """Energy in the normal, tangential and rolling springs of one contact [J]."""
-    contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
-    energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
-    energy += 4.0 * world.materials.shear[row] * contact_radius * tangential.norm_sqr()
-    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, rolling)
 
 
 @ti.func
@@ -52,10 +43,13 @@ def overlap_of_pair_entry(world: ti.template(), base, i, e):
 
 @ti.func
 def energy_of_contact_entry(world: ti.template(), entries: ti.template(), e, overlap):
-    """Energy stored in the contact of entry e of a neighbour list or wall list [J]."""
-    row = entries.label[e] >> ROW_SHIFT
+    """Energy in the normal, tangential and rolling springs of entry e of a neighbour or wall list [J]."""
+    row, root_radius = entries.label[e] >> ROW_SHIFT, entries.root_radius[e]
     tangential, rolling = entries.tangential_displacement[e], entries.rolling_displacement[e]
-    return contact_spring_energy(world, row, overlap, entries.root_radius[e], tangential, rolling)
+    contact_radius = root_radius * ti.sqrt(ti.max(overlap, 0.0))
+    energy = world.laws.normal_energy(world.materials, row, overlap, root_radius)
+    energy += 4.0 * world.materials.shear[row] * contact_radius * tangential.norm_sqr()
+    return energy + world.laws.rolling_energy(world.materials, row, contact_radius, root_radius, rolling)
 
 
 @ti.func
@@ -244,7 +238,7 @@ def count_waiting_spheres(sim: Simulation, replica: int) -> int:
 
 
 def energy_sums(sim: Simulation) -> Floats:
-    """Sums of `sum_chunks` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
+    """Sums of `sum_over_grain_chunks` up to `RELEASED`, [replicas, 6], for checks of sanity and rest."""
     return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 
 

@@ -69,10 +69,7 @@ def prepare(scene: Scene, seed: int, library: Library) -> Setup:
 
 
 def device_effects(after: Scene, library: Library, radius: float) -> list[ReplicaEffect]:
-    """Effects on the device that have a strength, in the order of their names.
-
-    The scene is that after the effects that change it.
-    """
+    """Effects on the device that have a strength, in the order of their names; `after` those of the scene."""
     effects, circumstances = [], effect_conditions(after)
     for name in sorted(after.effects):
         effect = library[name]

@@ -182,7 +182,6 @@ def required_action(world: ti.template(), r):
 
 @ti.func
 def integrate_partitions(world_out: ti.template(), r, member, size, step, is_last):
-    """Motion of the member's partitions."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
             need = 0

@@ -113,6 +113,7 @@ def upload_wall_primitives(walls: Walls, setups: list[Setup]) -> None:
     shapes = join_padded([t.shape for t in tables], walls.primitives)
     kinds = join_padded([t.kind for t in tables], walls.primitives)
     balls = [[bounding_ball(k, row) for k, row in zip(t.kind, t.shape, strict=True)] for t in tables]
+    centres, radii = ([[ball[n] for ball in of_table] for of_table in balls] for n in range(2))
     upload(
         [
             (walls.kind, kinds),
@@ -121,11 +122,8 @@ def upload_wall_primitives(walls: Walls, setups: list[Setup]) -> None:
             (walls.second, shapes[..., 3:6]),
             (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
             (walls.profile, shapes[..., 6:10]),
-            (
-                walls.ball_centre,
-                join_padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE),
-            ),
-            (walls.ball_radius, join_padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
+            (walls.ball_centre, join_padded(centres, walls.primitives, NOWHERE)),
+            (walls.ball_radius, join_padded(radii, walls.primitives)),
         ]
     )
     if walls.rows:

@@ -13,7 +13,7 @@ from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, download_field, upload, write_field
 from taichi_erosion.coupling.exchange import spin_up_column
-from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
+from taichi_erosion.coupling.grid_exchange import exchange_with_grids, match_air_to_grains
 from taichi_erosion.simulation.assemble import Simulation
 
 
@@ -67,7 +67,9 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     select_replicas_of_grids(sim, np.arange(count) == replica)
     match_air_to_grains(sim.world, sim.coupling, count, sim.chunk)
     if anew:
-        clear_residuals(sim.world, sim.coupling, count, sim.chunk)
+        residual = download_field(sim.coupling.exchange.residual_momentum)
+        residual[replica] = 0.0
+        write_field(sim.coupling.exchange.residual_momentum, residual)
     if before == 0.0 and after > 0.0:
         assert setup.initial_turbulence is not None
         time = setup.initial_turbulence.turnovers * (setup.high[2] - setup.ground) / after

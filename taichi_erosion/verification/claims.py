@@ -7,14 +7,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import nan
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Precision
 
-Precision = Literal["f32", "f64"]
 PRECISIONS: tuple[Precision, Precision] = ("f64", "f32")
 REASON_LENGTH = 200  # characters of an error that are printed
 

@@ -157,7 +157,6 @@ WHOLE = 0.10  # s, in which they rebuild their neighbour lists
 
 
 def state_bytes(state: Snapshot) -> bytes:
-    """Every bit of the state."""
     parts = (state.position, state.velocity, state.spin, state.contacts)
     return b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
 

@@ -41,7 +41,6 @@ READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux"
 
 
 def is_check_right(check: Check) -> bool:
-    """Whether a line of a table is right."""
     return isclose(check.got, check.want, rel_tol=check.rtol, abs_tol=check.atol)
 
 
@@ -261,8 +260,7 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
     return list(all_numbers_in(resolve(scene)))
 
 
-Clause = Callable[[Effect, Probe], Iterator[str]]
-CLAUSES: dict[str, Clause] = {
+CLAUSES: dict[str, Callable[[Effect, Probe], Iterator[str]]] = {
     "its verification table is right": table_faults,
     "a parameter wrong by 10 % breaks its table": unpinned_parameters,
     "its parameters carry unit, meaning and range": parameter_faults,

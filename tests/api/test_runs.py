@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import taichi_erosion as te
-from taichi_erosion.api.runs import override_text
+from taichi_erosion.api.runs import changes_as_overrides
 from taichi_erosion.core.device import stop_device
 
 pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
@@ -92,9 +92,9 @@ def test_the_package_offers_the_interface_and_no_room_bears_a_name_of_it():
 def test_an_unknown_option_is_named_values_become_toml_and_the_library_is_a_table():
     with pytest.raises(te.BadInput, match="no option 'replica'; there are seed, replicas"):
         te.run(SCENE, replica=1)
-    assert override_text("a.b", 3) == "a.b=3"
-    assert override_text("a.b", "hertz") == 'a.b="hertz"'
-    assert override_text("a.b", [1.0, 2.0]) == "a.b=[1.0, 2.0]"
+    assert changes_as_overrides({"a.b": 3}, {}, ()) == ("a.b=3",)
+    assert changes_as_overrides({"a.b": "hertz"}, {}, ()) == ('a.b="hertz"',)
+    assert changes_as_overrides({}, {"a__b": [1.0, 2.0]}, ()) == ("a.b=[1.0, 2.0]",)
     assert te.effects().loc["liquid_bridge", "place"] == "pair"
 
 

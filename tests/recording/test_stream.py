@@ -47,7 +47,7 @@ def test_a_resting_bed_is_written_once_while_mobile_grains_are_written_every_fra
 
 def test_resting_grains_that_are_taken_out_leave_the_bed():
     now, rows = heaps.heap_snapshot(1), np.r_[0:50, 60:200]
-    bed, _ = stream.update_static_grains(stream.StaticGrains.empty(), now, heaps.MOVING)
+    bed, _ = stream.update_static_grains(stream.StaticGrains(), now, heaps.MOVING)
     fewer = {name: getattr(now, name)[rows] for name in ("ident", "position", "velocity", "radius")}
     after, _ = stream.update_static_grains(bed, replace(now, **fewer), heaps.MOVING)
     assert np.array_equal(after.ident, now.ident[rows])

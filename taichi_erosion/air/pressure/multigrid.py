@@ -181,9 +181,10 @@ def clear_line(levels_out: ti.template(), level, r, i, j):
 
 
 @ti.func
-def relax_line(levels_out: ti.template(), r, c, beside):
+def relax_line(levels_out: ti.template(), level, r, i, j):
     """Exact solution of one line with its neighbours as they stand."""
     n = ti.static(levels_out.right_side.shape[2])
+    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     below = real(0.0)
     for k in range(n):
         right = levels_out.right_side[r, c, k]
@@ -201,9 +202,7 @@ def relax_line(levels_out: ti.template(), r, c, beside):
 @ti.func
 def relax_coloured_line(levels_out: ti.template(), level, colour, r, i, j):
     if (i + j) % 2 == colour:
-        relax_line(
-            levels_out, r, column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
-        )
+        relax_line(levels_out, level, r, i, j)
 
 
 @ti.func
@@ -293,14 +292,10 @@ def sweep_symmetrically(levels_out: ti.template(), level, sweeps, r):
         column = turn % (2 * nx * ny)
         if column >= nx * ny:
             column = 2 * nx * ny - 1 - column
-        i, j = column // ny, column % ny
-        relax_line(
-            levels_out, r, column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
-        )
+        relax_line(levels_out, level, r, column // ny, column % ny)
 
 
 def coarsest_sweep_count(levels: MultigridLevels) -> int:
-    """Number of symmetric sweeps on the coarsest level."""
     longer = levels.columns[-1]
     return 1 if longer == 1 else min(SWEEPS_PER_COLUMN * longer, SWEEPS_MOST)
 

@@ -78,9 +78,8 @@ def set_finest_conductances(air_out: ti.template(), r, i, j, share):
         levels_out.outlet_conductance[r, c, k] = outlet_conductance(air_out, r, i, j, k, time)
         if k > 0:
             gap = air_out.centre[r, k] - air_out.centre[r, k - 1]
-            levels_out.conductance_z[r, c, k] = (
-                mobility(air_out, r, i, j, k, 2, time) * width[0] * width[1] / gap
-            )
+            along_z = mobility(air_out, r, i, j, k, 2, time)
+            levels_out.conductance_z[r, c, k] = along_z * width[0] * width[1] / gap
 
 
 @ti.func

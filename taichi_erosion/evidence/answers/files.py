@@ -35,7 +35,6 @@ FORMAT = 5  # of documents: their keys are those of docs/json_and_python.md
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 STORED = {"rows"}  # of a race: what figures are drawn from is not printed
-LIBRARIES = ("numpy", "scipy")
 RECORD, PREDICTION = TypeAdapter(Record), TypeAdapter(PredictionPart)
 
 
@@ -107,7 +106,7 @@ def study_fields(study: Study) -> Document:
         "notes": list(study.notes),
         "rows_visible": table.size - len(study.problem.vault.rows),
         "rows_hidden": len(study.problem.vault.rows),
-        "versions": versions | {name: version(name) for name in LIBRARIES},
+        "versions": versions | {name: version(name) for name in ("numpy", "scipy")},
     }
 
 

@@ -101,7 +101,7 @@ def predict_new_rows(
 ) -> PredictionPart:
     """Predictions at new rows, and checks of their intervals.
 
-    `opened`: the vault may be compared with; `asked`: the new rows with runs there.
+    `opened`: the vault may be compared with; `query`: the new rows with runs there.
     """
     fitted = posterior.race.prepared.rows
     lost = [name for name in wanted.observable if name not in fitted.names]

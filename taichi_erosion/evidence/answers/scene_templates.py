@@ -60,18 +60,16 @@ CLOSED_FORM_NUMBERS |= {"flux": [THRESHOLD, FLUX, EXPONENT]}
 
 @dataclass(frozen=True)
 class Template:
-    """One apparatus."""
-
     scene: str  # name among the program's scenes
     words: str
     observables: tuple[str, ...]
-    changes: Callable[[float, int], Changes]  # grain diameter [m], grains
     parameters: tuple[CalibratedNumber, ...]
     grains: int  # of the program's scene
     diameter: float  # where the table states none [m]
     varies: bool = True  # whether a column may set the diameter of its grains
     rows: float = 0.0  # rows of grains on the flank that its angle needs; 0: it measures none
     wind: tuple[str, ...] = ()  # places that a column of friction velocities sets beside its condition
+    changes: Callable[[float, int], Changes] = lambda diameter, grains: {}  # grain diameter [m], grains
 
     @property
     def grain_material_pair(self) -> str:
@@ -150,32 +148,31 @@ TEMPLATES = {
         "lifting_cylinder",
         "a cylinder that is lifted slowly",
         ("repose_angle", *LENGTHS),
-        lifted_cylinder_changes,
         *(friction_numbers("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
+        changes=lifted_cylinder_changes,
     ),
     "collapse": Template(
         "column_collapse",
         "a column whose tube vanishes",
         ("angle_of_repose", "runout_radius", *HEAP),
-        column_collapse_changes,
         *(friction_numbers("grain-grain", 0.5, 0.1), 1800, USUAL_HEAP),
         rows=LEAST_ROWS,
+        changes=column_collapse_changes,
     ),
     "funnel": Template(
         "funnel_repose",
         "a funnel",
         ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
-        funnel_changes,
         *(friction_numbers("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
+        changes=funnel_changes,
     ),
     "drum": Template(
         "rotating_drum",
         "a drum that turns slowly",
         ("dynamic_angle",),
-        lambda diameter, grains: {},
         *(friction_numbers("soil-soil", 0.5, 0.1), 1000, 3e-3),
         varies=False,
     ),
@@ -183,33 +180,32 @@ TEMPLATES = {
         "wind_threshold",
         "a patch of bed under a wind that grows",
         ("threshold_u_star", "threshold_wind_speed", "rolling_onset"),
-        lambda diameter, grains: {
+        *(friction_numbers("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
+        changes=lambda diameter, grains: {
             "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),  # with weight
             "run.time_step_fraction": 0.12,
             "threshold.first": None,
         },
-        *(friction_numbers("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
     ),
     "impact": Template(
         "impact_threshold",
         "a patch of bed under a wind that falls",
         ("impact_threshold", "impact_threshold_linear"),
-        lambda diameter, grains: {},
         *(friction_numbers("sand-sand", 0.5, None), 800, USUAL_SAND),
     ),
     "saltation": Template(
         "saltation",
         "a patch of bed under steady wind",
         ("flux", "flux_height"),
-        lambda diameter, grains: {  # likewise
-            "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")
-        },
         (
             *friction_numbers("sand-sand", 0.5, None),
             CalibratedNumber("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
         ),
         *(800, USUAL_SAND),
         wind=("stages.2.friction_velocity",),
+        changes=lambda diameter, grains: {  # likewise
+            "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")
+        },
     ),
 }
 

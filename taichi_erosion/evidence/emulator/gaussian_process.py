@@ -288,7 +288,7 @@ class JointErrors:
 
 
 def joint_errors(processes: Sequence[GaussianProcess], training_runs: Sequence[Integers]) -> JointErrors:
-    """Joint errors of the processes of one scene, of which `known` says the training runs."""
+    """Joint errors of the processes of one scene, each with the runs of it that train the process."""
     count = len(processes)
     correlation = np.tile(np.eye(count), (processes[0].amplitude.size + 1, 1, 1))
     for a, b in combinations(range(count), 2):

@@ -38,7 +38,6 @@ class PlanCost:
 
     @property
     def seconds(self) -> float:
-        """All of it."""
         return sum(self.phases)
 
     @property

@@ -52,9 +52,7 @@ class GrainBuffers:
     squares: Any  # f64 vec3 likewise, sum of their squares [m2]
     cell_sums: Any  # i32 by replica and chunk of cells
     listed: Any  # i32 by replica, places of entries in use
-    force: (
-        Any  # vec3 by replica and entry, on the first grain [N]; zero where the two do not act on each other
-    )
+    force: Any  # vec3 by replica and entry, on the first grain [N]; zero where the two do not interact
     torque: Any  # vec3 likewise, on the first grain [N m]
     back: Any  # vec3 likewise, opposite of that on the second grain [N m]
     acts: Any  # i32 by replica and entry, 1 where they are not zero

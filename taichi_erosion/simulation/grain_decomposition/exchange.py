@@ -21,7 +21,6 @@ CHUNK = 64  # grains that one thread sums; another number would give other bits
 
 
 def chunks_for_grains(grains: int) -> int:
-    """Chunks of a replica of so many grains."""
     return -(-grains // CHUNK)
 
 

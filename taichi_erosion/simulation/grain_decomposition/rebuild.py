@@ -193,7 +193,6 @@ def copy_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti
 def clear_reverse_list(
     world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank
 ):
-    """Empty the reverse list of a grain."""
     buffers_out.partners[r * world_out.grains.capacity + rank] = 0
 
 
@@ -231,13 +230,9 @@ def add_to_reverse_list(world_out: ti.template(), buffers_out: ti.template(), r,
 def sort_reverse(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Order the reverse list of a grain by entry."""
     if is_rebuilding_grain(world, r, rank):
-        number, stride = buffers_out.partners[r * world.grains.capacity + rank], world.pairs.stride
-        insertion_sort(
-            buffers_out.partner_entry,
-            r * world.pairs.capacity + rank,
-            ti.min(number, world.pairs.capacity // stride),
-            stride,
-        )
+        first, stride = r * world.pairs.capacity + rank, world.pairs.stride
+        room, number = world.pairs.capacity // stride, buffers_out.partners[r * world.grains.capacity + rank]
+        insertion_sort(buffers_out.partner_entry, first, ti.min(number, room), stride)
 
 
 @ti.func
