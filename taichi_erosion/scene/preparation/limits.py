@@ -98,12 +98,14 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
     Reference: Zuriguel et al. (2005), Phys. Rev. E 71, 051303.
     """
     largest = sizes.size_range(scene.grains)[1]
-    for name, wall in sorted(scene.geometry.items()):
-        if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
+    planes = [name for name, wall in scene.geometry.items() if isinstance(wall, Plane)]
+    funnels = ((name, wall) for name, wall in sorted(scene.geometry.items()) if isinstance(wall, Funnel))
+    for name, wall in funnels:
+        if (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
             reason = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
             yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {reason}"
-        for plane, other in scene.geometry.items() if isinstance(wall, Funnel) else ():
-            if isinstance(other, Plane) and distance_to_wall(scene, plane, np.array([wall.outlet]))[0] < 0.0:
+        for plane in planes:
+            if distance_to_wall(scene, plane, np.array([wall.outlet]))[0] < 0.0:
                 yield f"geometry.{name}: the outlet lies behind the plane '{plane}'"
 
 
