@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.execution.checks import read_scene
@@ -15,6 +14,7 @@ from taichi_erosion.recording.readback import read_contacts, read_grains
 from taichi_erosion.scene import scene_hash
 from taichi_erosion.scene.load import SCENES
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 UNLIKE = '''
 """Share of the contacts between grains that join two kinds."""
 
@@ -49,7 +49,6 @@ def test_own_measures_read_kinds_contacts_and_walls_and_a_failing_one_says_where
     orders = [f"measure.{name}.file='{files / name}.py'" for name in ("unlike", "load", "broken")]
     record = files / "two.rrd"
     document = run_scene(SCENES / "two_soils.toml", RunOptions((*SMALL, *orders), threads=1, record=record))
-    stop_device()
     measures = document["measures"]
     network, kind = read_contacts(record)[-1], read_grains(record)[-1].state["kind"]
     pairs = network.second >= 0
