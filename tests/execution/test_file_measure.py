@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_tables import refusal
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.recording.readback import read_contacts, read_grains
@@ -76,6 +76,5 @@ def test_a_measure_is_an_option_and_its_content_counts(files: Path, capsys: pyte
 
 def test_a_file_that_is_no_measure_is_refused(files: Path):
     for name, told in (("unitless", 'it needs UNIT = "..."'), ("none", "no such Python file")):
-        with pytest.raises(BadInput) as refused:
-            read_scene(SCENES / "two_soils.toml", (f"measure.mine.file='{files / name}.py'",))
-        assert told in str(refused.value)
+        order = f"measure.mine.file='{files / name}.py'"
+        assert told in refusal(read_scene, SCENES / "two_soils.toml", (order,))
