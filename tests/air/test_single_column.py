@@ -1,5 +1,6 @@
 """The column of air: the same flow as the whole grid, an exact balance, any stiffness of drag."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces, log_profile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Numerics
-from tests.verification.small_scenes import box, centres, sides
+from tests.verification.small_scenes import centres, sides, still_air
 
 FRICTION = 0.3  # m s-1
 DENSITY = 1.2  # kg m-3
@@ -28,17 +29,13 @@ def device(start_device):
 
 def column(floor: SideKind = "wall", **words: Any) -> AirSetup:
     usual: dict[str, Any] = {
-        "faces_z": FACES,
         "sides": sides(z_low=AirSide(floor, roughness=1e-5), z_high=AirSide("stress")),
-        "density": DENSITY,
-        "viscosity": 1.5e-5,
         "time_step": 1e-3,
         "model": AirModel("mixing_length", "central", "euler", exchange=True),
         "friction_velocity": FRICTION,
         "start": log_profile(centres(FACES), FRICTION, 1e-5, 0.4),
-        "implicitness": 1.0,
     }
-    return box((1, 1, len(FACES) - 1), (0.01, 0.01, LID), **usual | words)
+    return replace(still_air(FACES, (0.01, 0.01), DENSITY, 1.8e-5), **usual | words)
 
 
 def over_grains(setups: list[AirSetup], coefficient: float, force: float) -> Air:

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from base64 import b64decode
@@ -14,10 +13,11 @@ from time import monotonic, sleep
 
 import pytest
 
+from tests.report.browser import BROWSER
+
 ROOT = Path(__file__).parents[2]
 PATCH = "grains.count=160 wind.length_d=10 wind.width_d=8 wind.height=0.02 run.check_interval=2e-3".split()
 LONG = 400.0  # s of wall time: what takes longer will not come
-BROWSER = next((p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), "")
 FLAGS = "--headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader"
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not BROWSER, reason="no chromium on the path")]
 

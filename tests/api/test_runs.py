@@ -12,7 +12,6 @@ import pytest
 
 import taichi_erosion as te
 from taichi_erosion.api.runs import changes_as_overrides
-from taichi_erosion.core.device import stop_device
 
 pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 SCENE = Path(__file__).parents[2] / "scenes" / "terminal_velocity.toml"
@@ -21,9 +20,7 @@ SCENE = Path(__file__).parents[2] / "scenes" / "terminal_velocity.toml"
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     file = tmp_path_factory.mktemp("run") / "drop.rrd"
-    found = te.run(SCENE, record=file, replicas=1, gravity__magnitude=5.0)
-    stop_device()
-    return found
+    return te.run(SCENE, record=file, replicas=1, gravity__magnitude=5.0)
 
 
 def test_a_run_has_its_measures_with_units_and_its_changes(run):

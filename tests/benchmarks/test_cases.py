@@ -10,7 +10,6 @@ from benchmarks import grain_cases
 from benchmarks.grain_cases import FUNNELS, QUICK_ENSEMBLE, device_bytes, device_grain_cases
 from benchmarks.roofline import step_bytes
 from benchmarks.wind_cases import SCENES, STEP_FRACTION, WINDS, threshold_scene
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, upload, write_field
@@ -61,12 +60,12 @@ GRAINS, ENTRIES, CONTACTS = 20, 70, 40
 GRAIN, ENTRY, CONTACT = 10 + 2 * 9 + 3 + 2 * 6 + 5, 6 + 1 + 1 + 12, 3 + 2 * 6 + 9
 
 
+@pytest.mark.usefixtures("start_device")  # which stops what a test has started
 def test_every_number_counts_once_for_every_stage_that_reads_or_writes_it():
     sim = assemble([heap(GRAINS, 1)] * 2, Laws(), Numerics("cpu", 1, "f32", "grains"))
     write_field(sim.buffers.partners, 0)
     upload([(sim.buffers.partners, [ENTRIES])])
     found = step_bytes(sim, CONTACTS)
-    stop_device()
     assert found == pytest.approx(4 * (2 * GRAINS * GRAIN + ENTRIES * ENTRY + CONTACTS * CONTACT), rel=1e-12)
 
 

@@ -8,11 +8,11 @@ from stand_in import opened
 from taichi_erosion.campaign.execute import run_requests
 from taichi_erosion.campaign.request import request_of_file
 from taichi_erosion.campaign.study_file import WorkersEntry
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import RunOptions, run_scene, scene_run
 from taichi_erosion.scene.load import SCENES
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
 BY_GRAIN, AUTO = WorkersEntry(decomposition="grains"), WorkersEntry(arch="auto")
@@ -43,7 +43,6 @@ def results(folder):
 def test_a_scene_gives_the_same_bits_beside_others_as_alone(results, folder, place, orders, seed):
     options = RunOptions(overrides=orders, seed=seed, replicas=1, threads=1, no_record=True)
     single = run_scene(write_scene(folder), options)
-    stop_device()
     assert results[place].record["measures"] == single["replicas"][0]["measures"]
     assert results[place].record["hash"] == single["hash"]
     assert [result.failure for result in results[:3]] == [None] * 3

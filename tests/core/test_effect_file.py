@@ -90,6 +90,7 @@ def test_annotations_may_be_postponed_in_a_file_of_the_host(tmp_path):
 UNUSABLE = {  # change of a good file -> what is told of it by `run --check`, in one line with its place
     ("pair.gap <=", "pair.gapp <="): "glue.py: line 31, in pull: cannot be compiled: AttributeError",
     ("def pull(constants, pair)", "def pull(pair)"): "is not that of its place in core/effect.py",
+    ("constants.pull, 0.0)", "constants.pull, 0.0) * pair.normal"): "what an effect takes or gives is not",
     ("strength * params", "strength * float('nan') * params"): "a dict of finite numbers by name",
     ('{"pull": strength * params.pull_off}', "strength"): "constants must give a dict of finite numbers",
     ("strength * params", "strength / 0.0 * params"): "its constants failed (glue.py, line ",

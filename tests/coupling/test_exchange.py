@@ -7,11 +7,11 @@ from grain_worlds import TIME_STEP as STEP
 from own_effects import acted_on
 from windy_beds import DENSITY, SIDE, VISCOSITY, air, weightless
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.simulation import advance, air_profile, assemble, snapshot
 from tests.verification.wind.exchange import grain_momentum
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 SPHERE = 4.0 / 3.0 * np.pi * RADIUS**3  # m3
 FACES = np.linspace(0.0, 6e-3, 14)
 BLOCK = np.ones(len(FACES) - 1)  # m s-1
@@ -35,7 +35,6 @@ def streams():
         wind.append([air_profile(sim, r).velocity[:, 0] for r in replicas])
         speed.append([snapshot(sim, r).velocity[:, 0] for r in replicas])
     ends = [(air_profile(sim, r), grain_momentum(sim, r)) for r in replicas]
-    stop_device()
     return np.array(wind), np.array(speed), ends
 
 

@@ -13,12 +13,11 @@ from windy_beds import DENSITY, LID, SURFACE, VISCOSITY, air, bed, set_in, weigh
 from taichi_erosion import simulation
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, stress_gradient
-from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.simulation import Simulation
 from tests.verification.small_scenes import final_states
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 WIND = 0.4  # m s-1, friction velocity
 TIMES = {"column": (0.006, 0.012), "grid": (0.001, 0.002)}  # s without wind, and with it
@@ -70,7 +69,6 @@ def alone(kind: str) -> SimpleNamespace:
     stages.put_back = simulation.snapshot(sim, 0)
     simulation.spin_up_wind(sim, 0, WIND, anew=True)
     stages.residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()
-    stop_device()
     return stages
 
 
@@ -83,7 +81,6 @@ def company(kind: str) -> SimpleNamespace:
     stages.over_rest = simulation.air_profile(sim, 2)
     set_in(sim, WIND, *TIMES[kind])
     stages.end = bits(sim, 1)
-    stop_device()
     return stages
 
 
@@ -158,8 +155,3 @@ def test_a_grain_of_the_density_of_the_air_floats():
     still = weightless([(4e-3, 4e-3, 0.01)], air(np.linspace(0.0, 0.02, 14), density=density), look_steps=1)
     (state,) = final_states([replace(still, gravity=(0.3, 0.0, -9.81))], 0.01, "f64")
     assert np.abs(state.velocity).max() < 1e-12
-
-
-def test_air_and_a_bed_without_air_cannot_share_an_ensemble():
-    with pytest.raises(BadInput, match="with and without air"):
-        simulation.assemble([bed(1), replace(bed(2), air=None)], LAWS, Numerics("cpu", 1))

@@ -1,5 +1,6 @@
 """Small setups of grains in air for the tests of coupling."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from grain_worlds import NONE, PLATE, RADIUS, grains, setup
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
 from taichi_erosion.simulation import Simulation, advance, spin_up_wind
-from tests.verification.small_scenes import box, in_air, sides
+from tests.verification.small_scenes import in_air, sides, still_air
 
 SIDE = 7e-3  # m, period of the patch
 ACROSS = 6  # grains along a period
@@ -18,16 +19,10 @@ DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
 
 
 def air(faces: Floats, floor: SideKind = "wall", **rest: Any) -> AirSetup:
-    words: dict[str, Any] = {
-        "faces_z": faces,
-        "sides": sides(z_low=AirSide(floor), z_high=AirSide("stress")),
-        "density": DENSITY,
-        "viscosity": VISCOSITY,
-        "time_step": 1e-4,
-        "model": AirModel("mixing_length", "none", "euler", exchange=True),
-        "implicitness": 1.0,
-    }
-    return box((1, 1, len(faces) - 1), (SIDE, SIDE, float(faces[-1])), **words | rest)
+    still = still_air(faces, (SIDE, SIDE), DENSITY, VISCOSITY * DENSITY)
+    ends = sides(z_low=AirSide(floor), z_high=AirSide("stress"))
+    model = AirModel("mixing_length", "none", "euler", exchange=True)
+    return replace(still, **{"sides": ends, "model": model, "time_step": 1e-4} | rest)
 
 
 def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:

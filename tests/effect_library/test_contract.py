@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import make_dataclass, replace
-from math import nan
 from typing import Any
 
 import pytest
@@ -10,7 +9,6 @@ from own_effects import LIBRARY, OWN
 
 from taichi_erosion.core.effect import Check, Effect, Probe, quantity
 from taichi_erosion.core.effect_probe import make_probe
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effect_library import shipped_effects
 from taichi_erosion.mechanisms.library import load_mechanisms
@@ -75,15 +73,6 @@ def pull_anyway(constants, pair, state_i, state_j):
     return ti.min(state_i.age, 1e-9)
 
 
-@ti.func
-def along_the_normal(constants, pair):
-    return constants.pull * pair.normal
-
-
-UNUSABLE: dict[str, Effect] = {
-    "constants must give a dict of finite numbers": giving(lambda strength, known: nan),
-    "what an effect takes or gives is not that of its place": replace(GOOD, act=along_the_normal),
-}
 ROOTED = giving(lambda strength, known: strength * known.get("root_density", 1.0))
 BAD: dict[str, Effect] = {
     "pull_off has the unit 'Nn/fur', which is not known": in_unit("Nn/fur"),
@@ -117,12 +106,6 @@ BAD: dict[str, Effect] = {
 @pytest.mark.parametrize("sentence", BAD)
 def test_a_breach_of_the_contract_is_told(sentence, bench):
     assert any(sentence in breach for breach in breaches(BAD[sentence], usable_probe(BAD[sentence], bench)))
-
-
-@pytest.mark.parametrize("sentence", UNUSABLE)
-def test_an_effect_that_cannot_act_is_refused(sentence, bench):
-    with pytest.raises(BadInput, match=sentence):
-        usable_probe(UNUSABLE[sentence], bench)
 
 
 def test_an_effect_may_read_a_condition_that_no_scene_has_by_itself(bench):

@@ -8,7 +8,6 @@ import pytest
 from grain_worlds import MASS, NONE, RADIUS, TIME_STEP, YOUNG, contacts, fingerprint, grains, heap, setup
 from own_effects import LIBRARY, acted_on
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
@@ -94,9 +93,7 @@ def worlds() -> dict[str, Snapshot]:
     setups |= {f"met with {name}": with_effects(met(), **{name: 50.0}) for name in MEETING}
     sim = assemble(list(setups.values()), LAWS, Numerics("cpu", 1, "f64"))
     advance(sim, [5e-3 if name.startswith("met") else 0.02 for name in setups])
-    ends = {name: snapshot(sim, r) for r, name in enumerate(setups)}
-    stop_device()
-    return ends
+    return {name: snapshot(sim, r) for r, name in enumerate(setups)}
 
 
 def test_grains_that_have_not_touched_need_no_list_for_an_effect_after_touch():

@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
-from own_effects import LIBRARY
+from own_effects import LIBRARY, acted_on
 
 from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Effect, quantity, replica_effect
+from taichi_erosion.core.effect import quantity, replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.simulation import Simulation
 
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS, HALF, WHOLE = 120, 0.01, 0.02  # s
-CRUST = LIBRARY["surface_crust"]
 STRONG = {"tensile_strength": 1e4, "setting": 2e-3}
 STRENGTH = 1e4 * pi * (0.1 * 2.0 * RADIUS) ** 2  # of the bond of a grain with a wall [N]
 
@@ -50,25 +49,22 @@ MARK = replace(LIBRARY["ageing_pull"], name="mark", act=no_pull, grain_state=Mar
 MARK = replace(MARK, constants=lambda params, strength, conditions: {"nothing": 0.0})
 
 
-def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
-    return replace(bare, effects=(replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS),))
-
-
 def sticky() -> Setup:
     """A heap whose grains attract each other the harder the longer they lie."""
-    return on(heap(GRAINS, 1), LIBRARY["ageing_pull"], pull_off=3e-5, ageing=5e-3, still=0.02)
+    return acted_on(heap(GRAINS, 1), {}, ageing_pull={"pull_off": 3e-5, "ageing": 5e-3, "still": 0.02})
 
 
 def unlike() -> Setup:
     """A heap in which every grain has a mass of its own."""
-    bare = heap(GRAINS, 1)
-    return on(replace(bare, grains=replace(bare.grains, mass=MASS * (1.0 + 1e-3 * np.arange(GRAINS)))), MARK)
+    bare, mass = heap(GRAINS, 1), MASS * (1.0 + 1e-3 * np.arange(GRAINS))
+    marked = (replica_effect(MARK, MARK.params(), 1.0, {}, RADIUS),)
+    return replace(bare, grains=replace(bare.grains, mass=mass), effects=marked)
 
 
 def lying(count: int = 1) -> Setup:
     """Grains that lie on a plate, cemented to it as soon as they have lain still."""
     place = [[3.0 * RADIUS * k, 0.0, 0.9999 * RADIUS] for k in range(count)]
-    return on(setup(grains(place), law=contacts()), CRUST, **STRONG)
+    return acted_on(setup(grains(place), law=contacts()), {}, surface_crust=STRONG)
 
 
 def triangle() -> Setup:
@@ -78,7 +74,7 @@ def triangle() -> Setup:
 
 
 SETUPS = {"unlike": unlike(), "sticky": sticky(), "lying": lying(), "beside": lying(2)}
-SETUPS |= {"cemented": on(triangle(), CRUST, **STRONG), "free": triangle()}
+SETUPS |= {"cemented": acted_on(triangle(), {}, surface_crust=STRONG), "free": triangle()}
 PLACE = {name: replica for replica, name in enumerate(SETUPS)}
 
 

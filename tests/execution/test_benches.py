@@ -4,16 +4,16 @@ from math import atan, degrees, pi, sqrt
 
 import pytest
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.scene.load import SCENES
+
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 
 
 def measured(scene: str, *overrides: str) -> dict[str, float]:
     options = RunOptions(overrides, threads=1, replicas=1, no_record=True)
-    document = run_scene(SCENES / f"{scene}.toml", options)
-    stop_device()
-    return {name: found["value"] for name, found in document["measures"].items()}
+    measures = run_scene(SCENES / f"{scene}.toml", options)["measures"]
+    return {name: found["value"] for name, found in measures.items()}
 
 
 def test_a_hopper_empties_as_beverloo_says():

@@ -10,7 +10,6 @@ import pytest
 from grain_worlds import heap
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import ensemble_loop
@@ -18,6 +17,7 @@ from taichi_erosion.execution.stages import ReplicaState
 from taichi_erosion.scene import laws, load_scene
 from taichi_erosion.simulation import assemble, prepare, readback
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 ROOT = Path(__file__).parents[2]
 DEAR = ["scipy." + name for name in ("special", "ndimage", "spatial", "optimize", "stats")]
 DEAR += ["rerun", "matplotlib"]
@@ -94,7 +94,6 @@ def test_a_check_of_falling_grains_asks_the_device_as_often_for_many_replicas_as
         ensemble = ensemble_loop.EnsembleRun([scene] * count, sim, [ReplicaState(k, 0) for k in range(count)])
         ensemble_loop.advance_to_next_check(ensemble)
         counts.append(len(questions))
-        stop_device()
     assert counts[1] == 2 * counts[0]
 
 
@@ -105,5 +104,4 @@ def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
         changed = replace(state, **damage(state))
         monkeypatch.setattr(ensemble_loop.simulation, "snapshot", lambda *place, changed=changed: changed)
         found.append(ensemble_loop.failure_of_lost_grains(sim, 0, 0.002))
-    stop_device()
     assert [end and end.status for end in found] == [status for _, status in DAMAGES]

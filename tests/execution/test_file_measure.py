@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_tables import refusal
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.execution import RunOptions, run_scene
 from taichi_erosion.execution.checks import read_scene
 from taichi_erosion.recording.readback import read_contacts, read_grains
 from taichi_erosion.scene import scene_hash
 from taichi_erosion.scene.load import SCENES
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 UNLIKE = '''
 """Share of the contacts between grains that join two kinds."""
 
@@ -49,7 +49,6 @@ def test_own_measures_read_kinds_contacts_and_walls_and_a_failing_one_says_where
     orders = [f"measure.{name}.file='{files / name}.py'" for name in ("unlike", "load", "broken")]
     record = files / "two.rrd"
     document = run_scene(SCENES / "two_soils.toml", RunOptions((*SMALL, *orders), threads=1, record=record))
-    stop_device()
     measures = document["measures"]
     network, kind = read_contacts(record)[-1], read_grains(record)[-1].state["kind"]
     pairs = network.second >= 0
@@ -77,6 +76,5 @@ def test_a_measure_is_an_option_and_its_content_counts(files: Path, capsys: pyte
 
 def test_a_file_that_is_no_measure_is_refused(files: Path):
     for name, told in (("unitless", 'it needs UNIT = "..."'), ("none", "no such Python file")):
-        with pytest.raises(BadInput) as refused:
-            read_scene(SCENES / "two_soils.toml", (f"measure.mine.file='{files / name}.py'",))
-        assert told in str(refused.value)
+        order = f"measure.mine.file='{files / name}.py'"
+        assert told in refusal(read_scene, SCENES / "two_soils.toml", (order,))

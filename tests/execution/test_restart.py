@@ -11,7 +11,6 @@ import tomli_w
 from small_scene import write_scene
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import ContactNetwork
@@ -20,6 +19,7 @@ from taichi_erosion.execution.checkpoint import Checkpointer
 from taichi_erosion.recording.readback import GrainFrame, read_contacts, read_grains
 from taichi_erosion.scene import laws, load_scene
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 CUT, SETTLED = 0.03, 0.06  # s, within and at the end of the first stage of 0.06 s
 MORE = """
 [[stages]]
@@ -30,10 +30,8 @@ move.tube = { velocity = [0.0, 0.0, 0.5] }
 """
 
 
-def run(scene: Path, record: Path, *overrides: str, resume: Path | None = None) -> dict[str, Any]:
-    document = run_scene(scene, RunOptions(overrides, threads=1, record=record, resume=resume, force=True))
-    stop_device()
-    return document
+def run(scene: Path, record: Path, *overrides: str, **files: Path | None) -> dict[str, Any]:
+    return run_scene(scene, RunOptions(overrides, threads=1, record=record, force=True, **files))
 
 
 def frame_at(path: Path, time: float) -> GrainFrame:
@@ -50,7 +48,6 @@ def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr(Checkpointer, "__call__", lambda own, now: isclose(now.time, CUT) and save(own, now))
         kept = {"checkpoint": folder / "cut.npz", "checkpoint_interval": 1.0}
         run_scene(scene, RunOptions(threads=1, record=folder / "whole.rrd", **kept))
-    stop_device()
     return folder
 
 
@@ -99,7 +96,6 @@ def test_a_finished_run_goes_on_with_a_further_stage(cut: Path, tmp_path: Path):
     scene = cut / "few.toml"
     kept, longer = tmp_path / "end.npz", tmp_path / "longer.toml"
     run_scene(scene, RunOptions(("stages.1.remove=[]",), threads=1, no_record=True, checkpoint=kept))
-    stop_device()
     with pytest.raises(BadInput, match="all stages had ended"):
         run_scene(scene, RunOptions(("stages.1.remove=[]", "gravity.magnitude=1.0"), resume=kept))
     text = scene.read_text(encoding="utf-8").replace('remove = [\n    "tube",\n]', "remove = []")
@@ -126,8 +122,7 @@ def test_a_bed_of_another_run_stays_at_rest_with_its_forces_under_another_set_up
     table |= {"stages": stages, "measure": height, "record": {"contacts": True}}
     bed = tmp_path / "bed.toml"
     bed.write_text(tomli_w.dumps(table), encoding="utf-8")
-    run_scene(bed, RunOptions(threads=1, record=tmp_path / "bed.rrd", checkpoint=tmp_path / "bed.npz"))
-    stop_device()
+    run(bed, tmp_path / "bed.rrd", checkpoint=tmp_path / "bed.npz")
     kept = read_grains(tmp_path / "bed.rrd")[-1]
     held = {"until": "time", "duration_max": 0.02}
     table |= {"fill": {"law": "bed", "file": "bed.npz"}, "stages": [{"name": "hold", **held}]}

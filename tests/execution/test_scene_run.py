@@ -12,13 +12,13 @@ import pytest
 from small_scene import PATIENCE, start, write_scene
 
 from taichi_erosion.cli.main import ExitCode, main
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.execution import RunOptions, run_scene, scene_run
 from taichi_erosion.execution.checks import library_of, read_scene
 from taichi_erosion.execution.scene_run import assemble_run, defer_signals
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.scene.load import SCENES
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 DURATION = 0.12  # s, of both stages
 COLOURS = 3  # channels of a film
 ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
@@ -60,7 +60,6 @@ def test_a_scene_without_gravity_runs_and_is_recorded(tmp_path):
         path.write_text("[half a", encoding="utf-8")
 
     document = run_scene(path, RunOptions(threads=1, record=tmp_path / "free.rrd", progress=edit_file))
-    stop_device()
     assert document["replicas"][0]["stopped"] is None
     assert document["measured"]["pile_height"]["value"] == 0.01  # of the file as the run began
     assert path.read_text("utf-8") == "[half a"
@@ -70,7 +69,6 @@ def test_a_scene_without_gravity_runs_and_is_recorded(tmp_path):
 def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):
     scene = write_scene(tmp_path, run=ABSURD_STEP)
     code = main(["run", str(scene), "--threads", "1", "--record", str(tmp_path / "kept.rrd")])
-    stop_device()
     said = capsys.readouterr().err.strip().splitlines()
     assert code == ExitCode.STOPPED
     assert "likely cause" in said[-1]
@@ -137,5 +135,4 @@ def test_auto_runs_on_the_cpu_what_the_device_refuses(monkeypatch, tmp_path):
     scene = read_scene(path, ("grains.count=100", "wind.columns=[4,4]"))
     options = RunOptions(arch="auto", threads=1, no_record=True)
     ensemble = assemble_run(path, scene, library_of(scene), options, tmp_path / "unused.rrd")
-    stop_device()
     assert ensemble.sim.numerics.arch == "cpu"

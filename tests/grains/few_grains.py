@@ -7,7 +7,6 @@ import numpy as np
 from grain_worlds import MASS, NONE, PLATE, RADIUS, RESTING, TIME_STEP, contacts, grains, mesh_floor, setup
 from scipy.spatial.transform import Rotation
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ClumpTable, Floats, Laws, Motion, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot
 from taichi_erosion.simulation import advance, assemble, failure_of, move_surface, remove_surface, snapshot
@@ -96,6 +95,5 @@ def run_worlds(numerics: Numerics = IN_PARTITIONS) -> dict[str, WorldRecord]:
         if k == REMOVAL:
             remove_surface(sim, index["removed"], "wall 0")
     ends = [failure_of(sim, replica) for replica in range(len(setups))]
-    stop_device()
     tracks = {name: tuple(frame[r] for frame in frames) for name, r in index.items()}
     return {name: WorldRecord(tracks[name], ends[r], setups[name]) for name, r in index.items()}

@@ -7,10 +7,10 @@ from grain_worlds import NONE, grains, setup
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.simulation import advance, assemble, export_state, snapshot
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 POSE = Rotation.from_euler("xyz", [[0.3, -0.8, 1.2]])
 SPIN = np.array([12.0, 60.0, -25.0])  # rad s-1
 VELOCITY = np.array([0.1, -0.2, 0.05])  # m s-1
@@ -33,7 +33,6 @@ def test_a_free_clump_flies_and_turns_as_a_rigid_body_with_two_time_steps():
     sim = assemble([flight(step) for step in STEPS], Laws(), Numerics("cpu", 1, "f64"))
     advance(sim, [DURATION] * len(STEPS))
     state, seen = export_state(sim), [snapshot(sim, r) for r in range(len(STEPS))]
-    stop_device()
     errors = []
     for r, spheres in enumerate(seen):
         momentum, pose = state[f"replica{r}_body_momentum"][0], state[f"replica{r}_body_orientation"]

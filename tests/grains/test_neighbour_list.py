@@ -7,10 +7,10 @@ import pytest
 from grain_worlds import NONE, RADIUS, TIME_STEP, grains, setup
 from windy_beds import bed
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.simulation import advance, assemble, export_state
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 FAST = 3.0  # m s-1, which takes a grain through several cells on one list
 BEDS = 8  # of a strip
@@ -70,7 +70,6 @@ def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table,
     advance(sim, [until])
     assert int(sim.world.replicas.crowded[0]) == crowded
     state = {k.removeprefix("replica0_"): v for k, v in export_state(sim).items()}
-    stop_device()
     apart, grasp = distances(state["origin"], table), state["radius"] + np.sqrt(state["skin_squared"])
     near = np.triu(apart < grasp[:, None] + grasp[None, :], 1)
     listed = np.zeros(near.shape, dtype=int)

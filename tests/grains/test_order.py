@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from grain_worlds import NONE, RADIUS, contacts, grains, heap, setup
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics
 from taichi_erosion.core.transfer import download_field
 from taichi_erosion.grains import partition
@@ -12,6 +11,7 @@ from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import advance, assemble, capacities, export_state, snapshot
 from taichi_erosion.simulation.control import request_rebuild_and_wake
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic")
 ALONE = 20.0  # m from the others
 ROD = 40  # grains along a rod
@@ -30,7 +30,6 @@ def test_a_grain_far_from_all_others_does_not_widen_the_cells_of_the_crowd():
     advance(sim, [scene.time_step])
     width = 1.0 / download_field(sim.world.cells.inverse_width)[0]
     least = download_field(sim.world.cells.width_least)[0]
-    stop_device()
     # of 4,097 grains it is the one that adds to the sd a 64th of its distance
     assert width.max() < 1.5 * least
 
@@ -58,7 +57,6 @@ def test_grains_are_sorted_along_the_longest_side_across_its_period(monkeypatch,
     where = export_state(sim)["replica0_origin"][:, axis]
     width = 1.0 / download_field(sim.world.cells.inverse_width)[0][axis]
     end = snapshot(sim, 0)
-    stop_device()
     assert np.all(np.diff(where) > -width)
     # the first and the last of four parts touch across the period
     change = end.velocity - table.velocity[end.ident]
@@ -86,7 +84,6 @@ def test_partitions_take_as_long_as_each_other_where_they_hold_unequal_numbers_o
     request_rebuild_and_wake(sim, 0)
     advance(sim, [FALLEN + sim.setups[0].time_step])
     after = export_state(sim)
-    stop_device()
     spent = dict(zip(before["replica0_ident"].astype(int), costs(before), strict=True))
     ordered = np.array([spent[ident] for ident in after["replica0_ident"].astype(int)])
     cut = int(after["replica0_bounds"][1])

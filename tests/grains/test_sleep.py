@@ -10,11 +10,11 @@ from grain_worlds import GRAVITY, RADIUS, TIME_STEP, contacts, fingerprint
 from windy_beds import DENSITY, SIDE, bed
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.grains.sleep import FALLING_ASLEEP
 from taichi_erosion.simulation import Simulation
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 LOOKS, LOOK_STEPS = 20, 5  # a millisecond at rest
 SETTLED, WATCHED = 0.15, 0.02  # s
@@ -78,7 +78,6 @@ def nights() -> SimpleNamespace:
     night.calmed = asleep(sim)
     simulation.set_replica_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
     night.tilted = asleep(sim)
-    stop_device()
     return night
 
 
@@ -96,7 +95,6 @@ def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
     awake, nobody = simulation.snapshot(sim, 0), asleep(sim)
     simulation.advance(sim, [SETTLED + WATCHED] * 2)
     company = fingerprint(simulation.snapshot(sim, 1))
-    stop_device()
     assert company == nights.end
     assert not nobody.any()
     # grains fall asleep once they have come to rest: what is left of their motion is a creep
@@ -113,7 +111,6 @@ def test_grains_sleep_and_wake_alike_with_one_thread_per_grain(nights):
         simulation.import_state(sim, lifted(nights.state))
         simulation.advance(sim, [SETTLED + FALL + 4e-3])
         found.append((asleep(sim), simulation.snapshot(sim, 0).position))
-        stop_device()
     (want, places), (same, others) = found
     assert 0 < np.count_nonzero(want) < np.count_nonzero(nights.still), "some must have woken"
     assert np.array_equal(same, want)

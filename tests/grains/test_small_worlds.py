@@ -7,6 +7,7 @@ from grain_worlds import FRICTION, GRAVITY, RADIUS, TIME_STEP
 
 from taichi_erosion.core.snapshot import Status
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 SLIDING = 2  # snapshot, at 4 ms, at which every dragged grain still slides: it rolls after 2 U / (7 mu g)
 SPEED_GAINED = FRICTION * GRAVITY * SLIDING * INTERVAL  # m s-1
 

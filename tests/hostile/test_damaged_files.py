@@ -119,20 +119,22 @@ def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
     assert main(["audit", str(put(tmp_path, "published.csv", table))]) == ExitCode.SUCCESS
 
 
-@tried(files.damaged_file(files.MESHES))
-def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
-    name, content = example
+def with_mesh(folder: Path, name: str, content: bytes) -> list[str]:
+    """Words that check a scene with this mesh as a wall."""
     put(folder, name, content)
     path = put(folder, "scene.toml", files.SCENES["scenes/incline.toml"])
     wall = f'geometry.wall={{ shape = "mesh", material = "steel", file = "{name}" }}'
-    command_ends_well(["run", str(path), "--check", "--set", wall], folder, capsys)
+    return ["run", str(path), "--check", "--set", wall]
+
+
+@tried(files.damaged_file(files.MESHES))
+def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
+    command_ends_well(with_mesh(folder, *example), folder, capsys)
 
 
 def test_a_mesh_whose_corners_are_flat_is_refused(tmp_path: Path, capsys: Any) -> None:
-    put(tmp_path, "flat.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
-    path = put(tmp_path, "scene.toml", files.SCENES["scenes/incline.toml"])
-    wall = 'geometry.wall={ shape = "mesh", material = "steel", file = "flat.obj" }'
-    assert main(["run", str(path), "--check", "--set", wall]) == ExitCode.BAD_INPUT
+    words = with_mesh(tmp_path, "flat.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
+    assert main(words) == ExitCode.BAD_INPUT
     assert "flat.obj" in capsys.readouterr().err
 
 

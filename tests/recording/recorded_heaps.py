@@ -20,6 +20,7 @@ from taichi_erosion.recording.wall_mesh import WallMesh
 
 MOVING = 1e-2  # m s-1
 FRAME_TIME = 0.01  # s
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # about z
 CORNERS = np.array([[-0.05, -0.05, 0.0], [0.05, -0.05, 0.0], [0.05, 0.05, 0.0], [-0.05, 0.05, 0.0]])
 FLOOR = WallMesh("plate", CORNERS, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), moving=False)
 

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from PIL import Image
-from recorded_heaps import FLOOR, MOVING, header, heap_snapshot, record_heap, recorded
+from recorded_heaps import FLOOR, MOVING, QUARTER_TURN, header, heap_snapshot, record_heap, recorded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import FIELD_UNITS, ContactNetwork, GrainFields
 from taichi_erosion.recording import air_recording, export, readback, stream
 
-TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of a quarter about z
 SHIFT = np.array([0.01, 0.0, 0.002])
 
 
@@ -43,7 +42,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
             stream.log_frame(opened, state, MOVING)
             stream.log_contacts(opened, network_of(state.time, 1e-3 - 1e-3 * frame))
             if frame == 1:
-                stream.log_wall_pose(opened, "plate", TURN, SHIFT)
+                stream.log_wall_pose(opened, "plate", QUARTER_TURN, SHIFT)
             if frame == 2:
                 stream.log_wall_removed(opened, "plate")
     return path
@@ -63,7 +62,7 @@ def test_contacts_are_read_back_as_they_were_written(recording: Path):
 def test_walls_are_where_they_were_at_every_time(recording: Path):
     (wall,) = readback.read_walls(recording)
     np.testing.assert_allclose(wall.at(0.0), FLOOR.vertices, atol=1e-9)
-    np.testing.assert_allclose(wall.at(0.015), FLOOR.vertices @ TURN.T + SHIFT, atol=1e-8)
+    np.testing.assert_allclose(wall.at(0.015), FLOOR.vertices @ QUARTER_TURN.T + SHIFT, atol=1e-8)
     assert wall.at(0.02) is None
 
 
@@ -76,7 +75,7 @@ def test_paraview_gets_grains_lines_and_walls_of_every_frame(recording: Path, tm
     lines = files[5].points[files[5].cells_dict["line"]]
     np.testing.assert_allclose(lines[:, 1] - lines[:, 0], written.branch, atol=1e-8)
     np.testing.assert_allclose(files[5].cell_data["normal_force"][0], written.normal_force, atol=1e-8)
-    np.testing.assert_allclose(files[4].points, FLOOR.vertices @ TURN.T + SHIFT, atol=1e-8)
+    np.testing.assert_allclose(files[4].points, FLOOR.vertices @ QUARTER_TURN.T + SHIFT, atol=1e-8)
     assert files[4].cells_dict["triangle"].tolist() == FLOOR.triangles.tolist()
     assert [float(entry.attrib["timestep"]) for entry in entries[::3]] == pytest.approx([0.0, 0.01, 0.02])
     np.testing.assert_array_equal(files[6].points, frame.position)

@@ -15,7 +15,6 @@ from taichi_erosion.recording.wall_mesh import WallMesh
 
 FRAMES = 20
 TUBE = WallMesh("lifting tube", heaps.FLOOR.vertices, heaps.FLOOR.triangles, moving=True)
-QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # about z
 ENTITY = "world/walls/lifting\\ tube"
 
 
@@ -28,7 +27,7 @@ def heap(tmp_path_factory) -> Path:
             stream.log_frame(recording, heaps.heap_snapshot(frame), heaps.MOVING)
             stream.log_totals(recording, heaps.totals(frame))
             if frame == 1:
-                stream.log_wall_pose(recording, TUBE.name, QUARTER_TURN, np.array([0.0, 0.0, 0.01]))
+                stream.log_wall_pose(recording, TUBE.name, heaps.QUARTER_TURN, np.array([0.0, 0.0, 0.01]))
             if frame == 2:
                 stream.log_wall_removed(recording, TUBE.name)
                 stream.log_text(recording, "WARN", "the heap is truncated by the plate")
@@ -82,7 +81,7 @@ def test_the_recording_carries_its_blueprint_names_properties_and_simulated_time
 def test_a_wall_is_turned_and_taken_away_at_its_times_and_texts_stand_at_the_frame_before(heap: Path):
     ((_, pose),) = component_rows(heap, ENTITY, "Transform3D:mat3x3")
     # rerun stores column by column
-    np.testing.assert_array_equal(pose["Transform3D:mat3x3"][0].reshape(3, 3).T, QUARTER_TURN)
+    np.testing.assert_array_equal(pose["Transform3D:mat3x3"][0].reshape(3, 3).T, heaps.QUARTER_TURN)
     written = {"log": "TextLog:text", "silhouette": "EncodedImage:blob", ENTITY: "Clear:is_recursive"}
     for entity, component in written.items():
         assert [time for time, _ in component_rows(heap, entity, component)] == [20_000_000]

@@ -5,7 +5,7 @@ changes is seen there (test_paths.py).
 """
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from datetime import date
 from math import inf, nan
@@ -160,8 +160,14 @@ def softened(rule: str, energy: float) -> dict[str, Any]:
     return table
 
 
+def refusal(read: Callable[..., Any], *given: Any, **known: Any) -> str:
+    """The one line in which what a function reads is refused."""
+    with pytest.raises(BadInput) as caught:
+        read(*given, **known)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
 def complaint(table: dict[str, Any], **known: Any) -> str:
     """The line in which a bad scene is refused."""
-    with pytest.raises(BadInput) as caught:
-        parse_scene(table, "scenes/bad.toml", **known)
-    return str(caught.value)
+    return refusal(parse_scene, table, "scenes/bad.toml", **known)

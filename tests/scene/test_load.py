@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table, wrong_places
+from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table, refusal, wrong_places
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
@@ -111,11 +111,9 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
 def test_a_file_that_holds_no_scene_is_told_in_one_line(tmp_path: Path, content: bytes, word: str):
     path = tmp_path / "bad.toml"
     path.write_bytes(content)
-    with pytest.raises(BadInput) as caught:
-        load_scene(path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
+    line = refusal(load_scene, path)
+    assert line.startswith(f"{path}: ")
+    assert word in line
 
 
 def test_a_path_that_no_file_can_have_is_told(tmp_path: Path):
@@ -149,7 +147,6 @@ def test_a_file_of_another_kind_is_told_with_its_own_command(tmp_path, monkeypat
 def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: str, value: Any):
     line = complaint(changed(path, value))
     assert line.startswith("scenes/bad.toml: ")
-    assert "\n" not in line
     assert len(line) < 400
     # a contradiction between sections may be told at either of them
     told_elsewhere = {"run", "grains", "stages", "contact", "materials", "fill", "measure"}
@@ -178,8 +175,7 @@ def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
     table = changed("contact.soil-soil.restitution", 7.0)
     table["contact"]["soil-soil"]["friction_sliding"] = -1.0
     table["grains"]["count"] = 0
-    assert complaint(table).endswith("lies outside [1, 5e+06] (and 2 more)")
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(BadInput, match=r"lies outside \[1, 5e\+06\] \(and 2 more\)$") as caught:
         parse_scene(table, "scenes/bad.toml")
     faults = [fault.split(" = ")[0].removeprefix("scenes/bad.toml: ") for fault in caught.value.faults]
     assert faults == ["grains.count", "contact.soil-soil.restitution", "contact.soil-soil.friction_sliding"]

@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from scene_tables import SCENES, good_table
+from scene_tables import SCENES, complaint, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene, resolve
@@ -36,9 +36,7 @@ def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any
 
 @pytest.mark.parametrize("order", [*BAD_ORDERS.split("|"), "=\n", "stages.x\n=1"])
 def test_an_order_that_cannot_be_followed_is_told(order: str):
-    with pytest.raises(BadInput, match="--set") as refused:
-        parse_scene(good_table(), overrides=[order])
-    assert "\n" not in str(refused.value)
+    assert "--set" in complaint(good_table(), overrides=[order])
 
 
 def test_a_stage_has_its_name_as_a_place():

@@ -7,9 +7,9 @@ import pytest
 from grain_worlds import GRAVITY, MASS, RADIUS, fingerprint, grains, heap, mesh_floor, setup
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic")
 BEFORE = 0.012  # s; the heap has fallen, and still moves
 
@@ -35,7 +35,6 @@ def test_forces_of_the_network_are_those_of_the_next_step_and_no_bit_moves(start
     simulation.import_state(sim, state)
     simulation.advance(sim, [BEFORE + dt])
     assert fingerprint(simulation.snapshot(sim, 0)) == fingerprint(looked)
-    stop_device()
     found = networks[-1]
     assert (found.second < 0).sum() > 3
     assert (found.second >= 0).sum() > 2
@@ -55,7 +54,6 @@ def test_a_grain_at_rest_on_a_plate_presses_with_its_weight():
     sim = simulation.assemble([setup(grains([[0.0, 0.0, RADIUS]]))], LAWS, Numerics("cpu", 1))
     simulation.advance(sim, [0.2])
     found = simulation.contact_network(sim, 0)
-    stop_device()
     assert (found.second.tolist(), found.walls) == ([-1], ("wall 0",))
     np.testing.assert_allclose(found.normal_force, MASS * GRAVITY, rtol=1e-4)
     np.testing.assert_allclose(found.point, 0.0, atol=1e-9)

@@ -7,7 +7,6 @@ import pytest
 from grain_worlds import NONE, PLATE, RADIUS, contacts, ends, grains, heap, setup
 from own_effects import acted_on
 
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, PrimitiveTable, Setup, Surface
 from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import assemble, energy_sums, export_state, reuse_or_assemble, set_contacts
@@ -48,7 +47,6 @@ def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
     alone = []
     for each in (*OTHERS, replace(OTHERS[0], contacts=SLIPPERY)):
         alone += ends(assemble([each], LAWS, NUMERICS), FALLEN)
-        stop_device()
     assert len(set(alone)) == len(alone)
     sim = assemble([PLAIN, STICKY, three_materials(90, 1), STICKY], LAWS, NUMERICS)
     ends(sim, FALLEN)

@@ -19,7 +19,6 @@ from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
@@ -59,9 +58,7 @@ def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> li
         simulation.advance(sim, [until for _ in replicas])
     assert not any(simulation.failure_of(sim, r) for r in replicas)
     winds = [simulation.air_profile(sim, r) if blows else None for r in replicas]
-    found = [(simulation.snapshot(sim, r), wind) for r, wind in zip(replicas, winds, strict=True)]
-    stop_device()
-    return found
+    return [(simulation.snapshot(sim, r), wind) for r, wind in zip(replicas, winds, strict=True)]
 
 
 def distance(first: Snapshot, second: Snapshot) -> float:
@@ -104,7 +101,6 @@ def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numeri
     state = simulation.export_state(sim)
     simulation.advance(sim, [WHOLE] * 4)
     want = [simulation.snapshot(sim, r) for r in range(3)]
-    stop_device()
     sim = started(four_heaps(), ROLLING, numerics)
     found = []
     for way in ("by grain", "again", "from half way"):
@@ -263,8 +259,18 @@ def test_no_thread_of_a_device_goes_through_all_grains_or_entries():
             assert not list(filter(ALL_GRAINS.search, lines)), f"{file.name}: {function.name}"
 
 
-def test_what_is_not_there_is_refused_by_name():
-    patch = bed(1)
-    gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))
-    with pytest.raises(BadInput, match="one thread per grain has no grids of air"):
-        simulation.assemble([gridded], ROLLING, ON_CPU)
+PATCH, PUSHED = bed(1), replace(heap(8, 1), has_servos=True)
+GRIDDED = replace(PATCH, air=replace(PATCH.air, cells=(4, 4, PATCH.air.cells[2])))
+
+
+@pytest.mark.parametrize(
+    ("setups", "numerics", "told"),
+    [
+        ([GRIDDED], ON_CPU, "one thread per grain has no grids of air"),
+        ([PUSHED], ON_CPU, "one thread per grain has no walls under a constant force or torque"),
+        ([PATCH, replace(PATCH, air=None)], IN_PARTITIONS, "with and without air"),
+    ],
+)
+def test_what_cannot_run_is_refused_by_name(setups, numerics, told):
+    with pytest.raises(BadInput, match=told):
+        simulation.assemble(setups, ROLLING, numerics)

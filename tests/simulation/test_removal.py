@@ -9,7 +9,6 @@ from grain_worlds import RADIUS, contacts, ends, fingerprint, grains, heap, setu
 from scipy.spatial.transform import Rotation
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.execution.ensemble_loop import failure_of_lost_grains
@@ -62,7 +61,6 @@ def test_one_thread_a_grain_removes_the_same_grains():
         sim = simulation.assemble([on_disc()], LAWS, numerics)
         ends(sim, HALF)
         found.append(simulation.snapshot(sim, 0))
-        stop_device()
     assert found[0].removed == found[1].removed > 10
     assert found[0].ident.tolist() == found[1].ident.tolist()
     assert np.allclose(found[0].position, found[1].position, atol=1e-3 * RADIUS)

@@ -8,11 +8,11 @@ import pytest
 from grain_worlds import ends, fingerprint, heap
 
 from taichi_erosion import simulation
-from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.simulation import capacities
 from taichi_erosion.simulation.assemble import reallocate_fields
 
+pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test has started
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS = 120
 HALF, WHOLE = 0.005, 0.01  # s
@@ -22,9 +22,7 @@ PAIRS_FAR_TOO_FEW = 80  # fewer than the heap holds half way
 
 
 def run(setups: list[Setup], threads: int, until: float) -> list[str]:
-    bits = ends(simulation.assemble(setups, LAWS, Numerics("cpu", threads)), until)
-    stop_device()
-    return bits
+    return ends(simulation.assemble(setups, LAWS, Numerics("cpu", threads)), until)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +43,6 @@ def alone() -> SimpleNamespace:
     others = simulation.reuse_or_assemble(sim, [one, equal, smooth], LAWS, numerics)
     assert others is sim  # kernels compile once
     heaps.one, *heaps.mixed = ends(others, WHOLE)
-    stop_device()
     return heaps
 
 
@@ -80,12 +77,10 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     reallocate_fields(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
     simulation.import_state(sim, alone.state)
     simulation.advance(sim, [WHOLE])
-    end = fingerprint(simulation.snapshot(sim, 0))
-    stop_device()
+    assert fingerprint(simulation.snapshot(sim, 0)) == alone.end
     assert grown.pairs > tiny.pairs
     assert sim.capacities.pairs > PAIRS_FAR_TOO_FEW
     assert half == alone.half
-    assert end == alone.end
 
 
 def test_workers_that_share_a_heap_change_no_bit(same_in_teams):

@@ -7,8 +7,7 @@ import pytest
 from grain_worlds import GRAVITY, MASS, PLATE, RADIUS, ends, grains, heap, setup
 
 from taichi_erosion import simulation
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Floats, Laws, Motion, Numerics, PrimitiveKind, Servo, Setup
+from taichi_erosion.core.setup import Floats, Laws, Motion, MotionRow, Numerics, PrimitiveKind, Servo, Setup
 from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
 from tests.verification.small_scenes import joined, primitive_table
 
@@ -16,6 +15,8 @@ pytestmark = pytest.mark.usefixtures("start_device")  # which stops what a test 
 LAWS = Laws(rolling="elastic_plastic")
 FORCE = 20.0 * MASS * GRAVITY  # N
 HALF, WHOLE = 0.08, 0.1  # s
+UP = (0.0, 0.0, 1.0)
+STILL = tuple((time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for time in (0.0, 1.0))
 TABLE = ((0.0,) * 7, (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 4.0), (0.03, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
 
 
@@ -28,6 +29,14 @@ def press() -> Setup:
     return replace(setup(one.grains, walls, one.contacts), has_servos=True, tables=(TABLE,))
 
 
+def pressed(force: float, *table: MotionRow) -> simulation.Simulation:
+    """The heap under the disc, which a servo has let fall from above onto the grains, also beside a table."""
+    sim = simulation.assemble([replace(press(), tables=(table or TABLE,))], LAWS, Numerics("cpu", 1))
+    simulation.move_surface(sim, 0, "wall 2", Motion(table=table, servo=Servo(False, -force, UP, 0.2)))
+    ends(sim, HALF)
+    return sim
+
+
 def mean_loads(sim: simulation.Simulation, until: float) -> Floats:
     """Mean of twenty readings on the way to a time [s]."""
     loads = []
@@ -37,10 +46,9 @@ def mean_loads(sim: simulation.Simulation, until: float) -> Floats:
     return np.mean(loads, axis=0)
 
 
-def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it():
-    sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
-    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)))
-    ends(sim, HALF)
+@pytest.mark.parametrize("table", [(), STILL], ids=["alone", "beside a table"])
+def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it(table):
+    sim = pressed(FORCE, *table)
     kept = simulation.export_state(sim)
     floor, tube, lid = mean_loads(sim, WHOLE)[:, 2]
     assert lid == pytest.approx(FORCE, rel=0.1)
@@ -50,21 +58,9 @@ def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it():
     assert ends(sim, WHOLE) == whole
 
 
-def test_a_servo_beside_a_table_falls_from_above_onto_the_grains():
-    still = tuple((time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for time in (0.0, 1.0))
-    sim = simulation.assemble([replace(press(), tables=(still,))], LAWS, Numerics("cpu", 1))
-    servo = Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)
-    simulation.move_surface(sim, 0, "wall 2", Motion(table=still, servo=servo))
-    ends(sim, HALF)
-    assert mean_loads(sim, WHOLE)[2, 2] == pytest.approx(FORCE, rel=0.1)
-
-
 def test_a_servo_turns_a_wall_against_the_friction_of_grains_with_its_torque():
-    sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
-    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(False, -10.0 * FORCE, (0.0, 0.0, 1.0), 0.2)))
-    ends(sim, HALF)
-    torque = 0.5 * FORCE * RADIUS
-    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(True, torque, (0.0, 0.0, 1.0), 5.0)))
+    sim, torque = pressed(10.0 * FORCE), 0.5 * FORCE * RADIUS
+    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(True, torque, UP, 5.0)))
     before = forces_and_torques_on_walls(simulation.contact_network(sim, 0))[2, 5]
     ends(sim, WHOLE)
     after = forces_and_torques_on_walls(simulation.contact_network(sim, 0))[2, 5]
@@ -84,8 +80,3 @@ def test_a_wall_follows_a_table(way):
     pose = simulation.wall_poses(sim, 0)["wall 1"]
     assert pose.translation == pytest.approx([0.003, 0.0, -0.002], abs=1e-9)
     assert pose.rotation[1, 0] == pytest.approx(np.sin(0.5 * 4.0 * 0.01 + 0.5 * 4.0 * 0.02), rel=1e-6)
-
-
-def test_one_thread_a_grain_refuses_a_servo():
-    with pytest.raises(BadInput, match="constant force or torque"):
-        simulation.assemble([press()], LAWS, Numerics("cpu", 1, "f32", "grains"))

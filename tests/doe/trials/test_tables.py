@@ -16,16 +16,6 @@ from taichi_erosion.evidence.record import Verdict
 SEED = 2**100 + 7
 
 
-def tidy_of(truth):
-    """What a program that reads everything right hands to the race."""
-    rows = []
-    for k, each in enumerate(truth["readings"]):
-        below = each["kind"] != "exact"
-        rows.append({key: each[key] for key in ("observable", "value", "sd", "n", "at")})
-        rows[-1] |= {"below": below, "set_up": each["soil"], "line": k}
-    return rows
-
-
 def test_a_case_follows_from_its_seed(tmp_path):
     first, second = draw(SEED, 3), draw(SEED, 3)
     assert first.truth == second.truth
@@ -61,7 +51,10 @@ def test_the_right_reading_is_that_of_the_cells(case, tmp_path):
 def test_what_is_misread_is_found():
     for case in range(20):
         truth = draw(SEED, case).truth
-        right = tidy_of(truth)
+        right = []  # what a program that reads everything right hands to the race
+        for k, each in enumerate(truth["readings"]):
+            row = {key: each[key] for key in ("observable", "value", "sd", "n", "at")}
+            right.append(row | {"below": each["kind"] != "exact", "set_up": each["soil"], "line": k})
         assert misread(truth, right) == []
         first = truth["conditions"][0]
         changes = {

@@ -7,7 +7,6 @@ import pytest
 
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.emulator import emulator, gaussian_process
-from taichi_erosion.evidence.emulator import gaussian_process as module
 
 RUNS, SCATTER, DRAWS = 40, 0.15, 20000
 READS = gaussian_process.ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
@@ -43,7 +42,7 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
 
 def test_the_covariance_is_that_of_drawn_errors(joint):
     random, which = np.random.default_rng(8), np.repeat([0, 1], 2)
-    at = module.Values(AT, np.tile([0, 1], 2), which)
+    at = gaussian_process.Values(AT, np.tile([0, 1], 2), which)
     cross = joint.prior_cov(at, joint.all_values)
     whole = np.block([[joint.prior_cov(at, at), cross], [cross.T, joint.training_value_covariance]])
     drawn = random.multivariate_normal(np.zeros(len(whole)), whole, DRAWS, method="eigh")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy
 import trimesh
-from scene_tables import changed, good_table
+from scene_tables import changed, complaint, good_table
 from scipy.spatial import KDTree
 
 from taichi_erosion.core.errors import BadInput
@@ -265,9 +265,7 @@ def test_an_inlet_that_cannot_keep_its_rate_is_told():
     ],
 )
 def test_an_inlet_without_a_shape_or_room_is_refused(inlet: dict[str, Any], told: str):
-    with pytest.raises(BadInput) as refused:
-        parse_scene(table_of_inlets({"a": inlet}))
-    assert told in str(refused.value)
+    assert told in complaint(table_of_inlets({"a": inlet}))
 
 
 def test_a_kind_that_no_inlet_lets_pass_is_refused():

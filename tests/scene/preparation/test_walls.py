@@ -12,6 +12,12 @@ from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import parse_scene, replica_setup
 from taichi_erosion.scene.preparation.walls import distance_to_wall
 
+STEEL = {"material": "steel"}
+PLANE = {"shape": "plane", **STEEL}
+LOW = PLANE | {"material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]}
+SIDES = {"shape": "box", "low": [-1.0, -1.0, 0.0], "high": [1.0, 1.0, 1.0], **STEEL}
+TUBE = {"shape": "cylinder", "radius": 0.03, "length": 0.2, **STEEL}
+
 
 def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
     (tmp_path / "wall.stl").write_bytes(b"solid nothing")
@@ -23,12 +29,12 @@ def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
 
 
 def test_walls_become_the_primitives_that_they_describe():
-    table, steel = good_table(), {"material": "steel"}
+    table = good_table()
     table["geometry"] |= {
-        "box": {"shape": "box", "material": "steel", "low": [-1.0, -1.0, -1.0], "high": [1.0, 1.0, 1.0]},
-        "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
-        "tube": {"shape": "cylinder", "radius": 0.03, "length": 0.2, "axis": [0.0, 3.0, 0.0]} | steel,
-        "cone": {"shape": "cone", "radius_low": 0.01, "radius_high": 0.02, "length": 0.1} | steel,
+        "box": SIDES | {"low": [-1.0, -1.0, -1.0]},
+        "floor": LOW,
+        "tube": TUBE | {"axis": [0.0, 3.0, 0.0]},
+        "cone": {"shape": "cone", "radius_low": 0.01, "radius_high": 0.02, "length": 0.1} | STEEL,
     }
     table["geometry"]["funnel"]["stem_length"] = 0.01
     setup = replica_setup(parse_scene(table), 1)
@@ -44,11 +50,6 @@ def test_walls_become_the_primitives_that_they_describe():
     assert rows["cone"][0, 6:].tolist() == [0.01, 0.0, 0.02, 0.1]
     # stem and cone of a funnel share an edge
     assert rows["funnel"][0, 8:].tolist() == rows["funnel"][1, 6:8].tolist() == pytest.approx([0.01, 0.01])
-
-
-STEEL = {"material": "steel"}
-PLANE = {"shape": "plane", **STEEL}
-SIDES = {"shape": "box", "low": [-1.0, -1.0, 0.0], "high": [1.0, 1.0, 1.0], **STEEL}
 
 
 @pytest.mark.parametrize(
@@ -68,17 +69,13 @@ def test_grains_that_leave_are_taken_out_unless_a_half_space_holds_all_up(path, 
 
 def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
     bounded = replica_setup(parse_scene(good_table()), 1).domain
-    table = good_table()
-    table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
-    assert replica_setup(parse_scene(table), 1).domain[1][0] > 2.0 * bounded[1][0] > 0.2
+    open_plane = replica_setup(parse_scene(changed("geometry.floor", PLANE)), 1).domain
+    assert open_plane[1][0] > 2.0 * bounded[1][0] > 0.2
 
 
 def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_points():
     table = good_table()
-    table["geometry"] |= {
-        "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
-        "tube": {"shape": "cylinder", "material": "soil", "radius": 0.03, "length": 0.2},
-    }
+    table["geometry"] |= {"floor": LOW, "tube": TUBE}
     scene, points = parse_scene(table), np.array([[0.01, 0.0, 0.1], [0.0, 0.07, 0.05], [0.0, 0.03, 0.24]])
     assert distance_to_wall(scene, "floor", points) == pytest.approx([0.6, 0.55, 0.74])
     assert distance_to_wall(scene, "tube", points) == pytest.approx([0.02, 0.04, 0.04])

@@ -62,14 +62,7 @@ def bounce() -> tuple[Floats, Floats]:
 
 def landmarks() -> Iterator[Outcome]:
     """V17: 0.1 % of each landmark; forces in double precision, which their second differences need."""
-    yield from curve_outcomes(*bounce())
-    for precision in PRECISIONS:
-        yield from energy_outcomes(precision)
-        yield from branch_outcomes(precision)
-
-
-def curve_outcomes(overlap: Floats, force: Floats) -> Iterator[Outcome]:
-    """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
+    overlap, force = bounce()
     acts = np.flatnonzero(np.abs(force) > 0.5)
     parting = slice(int(np.argmax(np.diff(overlap) < 0.0)) + 1, int(acts[-1]) + 1)
     d, f = overlap[parting], force[parting]
@@ -85,6 +78,9 @@ def curve_outcomes(overlap: Floats, force: Floats) -> Iterator[Outcome]:
         yield relative(f"JKR: {name}", got, want, 1e-3, "f64")
     error = (f - [jkr.branch_force(one) for one in d]) / 3.0
     yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, "f64")
+    for precision in PRECISIONS:
+        yield from energy_outcomes(precision)
+        yield from branch_outcomes(precision)
 
 
 def energy_outcomes(precision: Precision) -> Iterator[Outcome]:

@@ -112,29 +112,24 @@ SLOTS = Silos("slots", exact.SLOT_EXPONENT, SLOT, lambda w: SLOT_LENGTH * w, LEN
 
 def opening_flow() -> Iterator[Outcome]:
     """V33."""
-    yield from discharged(HOLES)
-    yield from discharged(SLOTS)
-
-
-def discharged(silos: Silos) -> Iterator[Outcome]:
-    """What the flows through one kind of opening say of the law."""
-    sim = settled(silos)
-    density = bulk_density(sim, silos)
-    flow = discharge_rates(sim, silos)
-    opening = silos.openings * DIAMETER
-    exponent, error = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
-    open_width = opening - exact.BEVERLOO_EDGE * DIAMETER
-    factors = flow / silos.length / (density * np.sqrt(9.81) * open_width**silos.exponent)
-    sizes = np.unique(silos.openings)
-    means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
-    listed = ", ".join(f"{size:g}" for size in sizes)
-    law = f"exponent of (D - 1.4 d), {exponent:.2f} +- {error:.2f}, C {np.mean(factors):.2f}"
-    name = f"Beverloo, {silos.kind} of {listed} d, {len(flow)} fillings, flow {means} g/s: {law}"
-    yield Outcome(name, exponent, silos.exponent, TOLERANCE, "f32")
-    yield below(f"standard error of the exponent, {silos.kind}", error, SENSIBLE, "f32")
-    edge, error, chance = exact.discharge_edge(opening, DIAMETER, flow, silos.exponent)
-    name = f"{silos.kind}: exponent {silos.exponent:g} given, k = {edge:.2f} +- {error:.2f}, lack of fit "
-    yield holds(f"{name}is no more than chance (p = {chance:.2g})", chance > UNLIKELY, "f32")
+    for silos in (HOLES, SLOTS):
+        sim = settled(silos)
+        density = bulk_density(sim, silos)
+        flow = discharge_rates(sim, silos)
+        opening = silos.openings * DIAMETER
+        exponent, error = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
+        open_width = opening - exact.BEVERLOO_EDGE * DIAMETER
+        factors = flow / silos.length / (density * np.sqrt(9.81) * open_width**silos.exponent)
+        sizes = np.unique(silos.openings)
+        means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
+        listed = ", ".join(f"{size:g}" for size in sizes)
+        law = f"exponent of (D - 1.4 d), {exponent:.2f} +- {error:.2f}, C {np.mean(factors):.2f}"
+        name = f"Beverloo, {silos.kind} of {listed} d, {len(flow)} fillings, flow {means} g/s: {law}"
+        yield Outcome(name, exponent, silos.exponent, TOLERANCE, "f32")
+        yield below(f"standard error of the exponent, {silos.kind}", error, SENSIBLE, "f32")
+        edge, error, chance = exact.discharge_edge(opening, DIAMETER, flow, silos.exponent)
+        name = f"{silos.kind}: exponent {silos.exponent:g} given, k = {edge:.2f} +- {error:.2f}, lack of fit "
+        yield holds(f"{name}is no more than chance (p = {chance:.2g})", chance > UNLIKELY, "f32")
 
 
 def settled(silos: Silos) -> Simulation:

@@ -217,7 +217,11 @@ def rolling_resistance() -> Iterator[Outcome]:
                 name = "type C at rest on an incline, tan = 0.8 mu_r: drift [R/s]"
                 yield below(name, moved, DRIFT_LIMIT, precision)
             else:
-                yield from rattle_outcomes(path.spin[2:, 2, 0, 1], setups[2].time_step, precision)
+                spin = np.abs(path.spin[2:, 2, 0, 1]) / (10.0 * DECAY * setups[2].time_step)
+                name = "type A rattling on an incline: rms spin over ten steps of its torque"
+                yield below(name, np.sqrt(np.mean(spin**2)), 1.0, precision)
+                name = "type A rattling on an incline: growth of the spin, over ten steps of its torque"
+                yield below(name, max(spin[2:].max() - spin[:2].max(), 0.0), 1.0, precision)
 
 
 def motion_outcomes(kind: str, path: small.Trace, precision: Precision) -> Iterator[Outcome]:
@@ -229,12 +233,3 @@ def motion_outcomes(kind: str, path: small.Trace, precision: Precision) -> Itera
     wanted = 5.0 / 7.0 * GRAVITY * (sin(STEEP) - FRICTION_ROLLING * cos(STEEP))
     name = f"type {kind}: rolling down an incline, tan = 2 mu_r [m/s2]"
     yield relative(name, gain, wanted, 5e-3, precision)
-
-
-def rattle_outcomes(spin: Floats, step: float, precision: Precision) -> Iterator[Outcome]:
-    """Type A on the gentle incline: rms spin bounded by ten steps of the torque, and no growth."""
-    spin = np.abs(spin) / (10.0 * DECAY * step)
-    name = "type A rattling on an incline: rms spin over ten steps of its torque"
-    yield below(name, np.sqrt(np.mean(spin**2)), 1.0, precision)
-    name = "type A rattling on an incline: growth of the spin, over ten steps of its torque"
-    yield below(name, max(spin[2:].max() - spin[:2].max(), 0.0), 1.0, precision)

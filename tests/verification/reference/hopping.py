@@ -19,7 +19,6 @@ Rev. E 75, 061305 (bounces); Pahtz, Liu, Xia, Hu, He & Tholen (2021), J. Geophys
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from math import cos, exp, hypot, pi, sin, sqrt
 
@@ -27,11 +26,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.measures.wind_formulas import GRAVITY, Sand
 
 KARMAN, SUBLAYER = 0.4, 7.0  # of the mixing length [1]
 LOSS, STEER = 0.87, 0.72  # A and B of the bounce [1]
 CENTRE = 0.7  # height of the centre of a grain on the bed over where the wind begins, over the diameter [1]
-GRAVITY = 9.81  # m s-2
 LANDINGS = 60  # that a grain must go on for
 STEADY = 1e-3  # change of the speed between landings below which it goes on for ever [1]
 LAUNCH = (60.0, 40.0)  # first speed over sqrt(g d) [1], and its angle [deg]
@@ -44,19 +43,9 @@ SPAN = (0.02, 0.3)  # of sqrt((s - 1) g d), between which the threshold is looke
 WindProfile = Callable[[float], float]  # speed of a wind [m s-1] by the height over where it begins [m]
 
 
-@dataclass(frozen=True)
-class Sand:
-    """Grains and their air."""
-
-    diameter: float  # m
-    density: float = 2650.0  # kg m-3
-    air: float = 1.225  # kg m-3
-    viscosity: float = 1.46e-5  # m2 s-1, kinematic
-
-    @property
-    def scale(self) -> float:
-        """sqrt((s - 1) g d) [m s-1]."""
-        return sqrt((self.density / self.air - 1.0) * GRAVITY * self.diameter)
+def scale(sand: Sand) -> float:
+    """sqrt((s - 1) g d) [m s-1]."""
+    return sqrt((sand.density_ratio - 1.0) * GRAVITY * sand.diameter)
 
 
 def wind(friction: float, viscosity: float) -> WindProfile:
@@ -78,7 +67,7 @@ def wind(friction: float, viscosity: float) -> WindProfile:
 def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float]:
     """Forward and downward speed [m s-1] at the end of a hop."""
     bed = CENTRE * sand.diameter
-    rate = 0.75 * sand.air / (sand.density * sand.diameter)
+    rate = 0.75 * sand.air_density / (sand.density * sand.diameter)
 
     def motion(_: float, state: Floats) -> list[float]:
         height, ahead, rise = state
@@ -127,7 +116,7 @@ def hopping_threshold(sand: Sand, over: Callable[[float], WindProfile] | None = 
     `over` gives the wind of a friction velocity [m s-1]; that over a flat bed where there is none.
     """
     over = over or partial(wind, viscosity=sand.viscosity)
-    low, high = (share * sand.scale for share in SPAN)
+    low, high = (share * scale(sand) for share in SPAN)
     for _ in range(9):
         middle = sqrt(low * high)
         low, high = (low, middle) if goes_on(sand, over(middle)) else (middle, high)

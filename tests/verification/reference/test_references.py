@@ -8,7 +8,7 @@ import pytest
 
 from tests.measures.heaps import snapshot_of
 from tests.verification.reference import flow as bulk
-from tests.verification.reference.hopping import KARMAN, Sand, bounce, hop, hopping_threshold, wind
+from tests.verification.reference.hopping import KARMAN, Sand, bounce, hop, hopping_threshold, scale, wind
 from tests.verification.wind.saltation import AIR, DROPS, STEADY, landing_heights, roughness, vanishing
 
 OPENINGS, GRAIN = 0.002 * np.repeat([6.0, 8.0, 11.0, 15.0], 4), 0.002
@@ -60,7 +60,7 @@ def test_the_wind_is_laminar_at_the_bed_and_logarithmic_far_above():
 
 def test_without_air_a_hop_ends_as_it_began():
     # an event found by a method of relative tolerance 1e-4
-    assert hop(Sand(2.5e-4, air=1e-9), wind(0.3, NU), 0.5, 0.3) == pytest.approx((0.5, 0.3), rel=1e-3)
+    assert hop(Sand(2.5e-4, air_density=1e-9), wind(0.3, NU), 0.5, 0.3) == pytest.approx((0.5, 0.3), rel=1e-3)
 
 
 def test_a_grain_bounces_as_measured():
@@ -72,7 +72,7 @@ def test_a_grain_bounces_as_measured():
 
 def test_the_threshold_of_coarse_grains_goes_with_the_root_of_their_diameter():
     # 24 / Re and the viscous layer of the wind still take some percent
-    fine, coarse = (hopping_threshold(Sand(size)) / Sand(size).scale for size in (5e-4, 1e-3))
+    fine, coarse = (hopping_threshold(sand) / scale(sand) for sand in map(Sand, (5e-4, 1e-3)))
     assert coarse == pytest.approx(fine, rel=0.05)
     assert 0.05 < fine < 0.1  # Bagnold (1941) measured 0.08
 

@@ -41,14 +41,13 @@ from doe.wind.flux_law import CUBIC, LINEAR, flux_power, vanishing_wind
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket, pool_beds
-from taichi_erosion.measures.wind_formulas import Sand as Quartz
-from taichi_erosion.measures.wind_formulas import iversen_white
+from taichi_erosion.measures.wind_formulas import Sand, iversen_white
 from taichi_erosion.scene import Scene, load_scene, parse_scene
 from taichi_erosion.scene.load import SCENES
 from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.claims import Outcome, below, holds, relative
-from tests.verification.reference.hopping import CENTRE, KARMAN, Sand, WindProfile, hopping_threshold
+from tests.verification.reference.hopping import CENTRE, KARMAN, WindProfile, hopping_threshold
 from tests.verification.small_scenes import run_to_end
 
 DROPS = 2000  # places on a bed where a grain is laid down
@@ -203,23 +202,18 @@ def saltation() -> Iterator[Outcome]:
     first, second = map(vanishing, groups)
     sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
     alone = list(map(hopping_threshold, sands, winds_over_beds(sands)))  # lowest winds of one grain [m s-1]
-    yield from impact_outcomes(first, second, alone)
-    yield from flux_outcomes(groups[0], first)
-    for size, winds, hopping in zip(sizes, groups, alone, strict=True):
-        for wind, left in zip(winds["wind"], winds["bed_stress"], strict=True):
-            claim = f"stress of the air at {PATCHES} beds of {1e3 * size * SMALLEST:g} mm under u* = "
-            claim += f"{wind:.3g} m/s over that of {hopping:.3f} m/s, in which one grain goes on"
-            yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
-
-
-def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> Iterator[Outcome]:
-    """Impact thresholds of both diameters, and those of one grain that hops [m s-1]."""
     ratio = second.middle / first.middle
     claim = f"impact threshold of {1e3 * LARGER * SMALLEST:g} mm, {ends(second)}, over that of "
     claim += f"{1e3 * SMALLEST:g} mm, {ends(first)}"
     yield relative(claim, ratio, sqrt(LARGER), 0.1, "f32")
     claim = "the same over that of winds in which one grain goes on over either bed"
     yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
+    yield from flux_outcomes(groups[0], first)
+    for size, winds, hopping in zip(sizes, groups, alone, strict=True):
+        for wind, left in zip(winds["wind"], winds["bed_stress"], strict=True):
+            claim = f"stress of the air at {PATCHES} beds of {1e3 * size * SMALLEST:g} mm under u* = "
+            claim += f"{wind:.3g} m/s over that of {hopping:.3f} m/s, in which one grain goes on"
+            yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
 
 
 def flux_outcomes(winds: pd.DataFrame, threshold: Bracket) -> Iterator[Outcome]:
@@ -242,7 +236,7 @@ def start_of_motion() -> Iterator[Outcome]:
         ends = beds.details.get("interval", {"low": nan, "high": nan})
         return beds.value, f"{beds.value:.3f} ({ends['low']:.3f} to {ends['high']:.3f})"
 
-    (start, words), curve = pooled("fluid_threshold"), iversen_white(Quartz(SMALLEST, DENSITY, AIR))
+    (start, words), curve = pooled("fluid_threshold"), iversen_white(Sand(SMALLEST, DENSITY, AIR))
     sand = f"{len(BEDS)} beds of {1e3 * SMALLEST:g} mm, one contact: "
     claim = f"{sand}1 % of the surface in 5 s starts at {words} m/s, over the curve of tunnels"
     yield relative(claim, start / curve, 1.0, FLUID_SHARE, "f32")
