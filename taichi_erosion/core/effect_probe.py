@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_erosion.core import effect_device
 from taichi_erosion.core.effect import (
     Conditions,
     Effect,
@@ -26,17 +27,6 @@ from taichi_erosion.core.effect import (
     pair_struct_type,
     replica_effect,
     state_at_entry,
-)
-from taichi_erosion.core.effect_device import (
-    DeviceEffects,
-    add_gusts,
-    advance_states,
-    any_lets_pass,
-    bind,
-    total_attraction,
-    total_drag_factor,
-    total_grain_force,
-    total_vector_force,
 )
 from taichi_erosion.core.effect_file import failures_of
 from taichi_erosion.core.ti import ti
@@ -89,15 +79,15 @@ def evaluate_bench_pair(
     for i in attraction_out:
         pair = pairs[i]
         j = ti.select(pair.radius_j > 0.0, PLACE_J, effects.wall_place)
-        attraction_out[i] = total_attraction(effects, 0, pair, PLACE_I, j)
-        force_out[i] = total_vector_force(effects, 0, pair, PLACE_I, j)
+        attraction_out[i] = effect_device.total_attraction(effects, 0, pair, PLACE_I, j)
+        force_out[i] = effect_device.total_vector_force(effects, 0, pair, PLACE_I, j)
 
 
 @ti.kernel
 def evaluate_bench_contact(effects: ti.template(), contacts: ti.template(), passes_out: ti.template()):
     for i in passes_out:
         contact = contacts[i]
-        passes_out[i] = ti.cast(any_lets_pass(effects, 0, contact), float)
+        passes_out[i] = ti.cast(effect_device.any_lets_pass(effects, 0, contact), float)
 
 
 @ti.kernel
@@ -108,11 +98,11 @@ def evaluate_bench_grain(
         grain = grains[i]
         grain.drag_factor = 1.0
         bare = grain.drag(grain.air_velocity - grain.velocity)
-        grain.drag_factor = total_drag_factor(effects, 0, grain)
+        grain.drag_factor = effect_device.total_drag_factor(effects, 0, grain)
         drag = (grain.drag_factor - 1.0) * bare
         if ti.static(effects.any_gust):
-            drag += add_gusts(effects, 0, grain)
-        force, torque = total_grain_force(effects, 0, grain, PLACE_I)
+            drag += effect_device.add_gusts(effects, 0, grain)
+        force, torque = effect_device.total_grain_force(effects, 0, grain, PLACE_I)
         if ti.static(effects.any_drag or effects.any_gust):
             force += drag
         force_out[i], torque_out[i] = force, torque
@@ -122,7 +112,7 @@ def evaluate_bench_grain(
 def advance_bench_state(grains: ti.template(), effects_out: ti.template()):
     for i in grains:
         grain = grains[i]
-        advance_states(effects_out, 0, grain, PLACE_I)
+        effect_device.advance_states(effects_out, 0, grain, PLACE_I)
 
 
 def make_probe(effect: Effect, bench: Bench) -> Probe:
@@ -142,7 +132,9 @@ def make_device_probe(effect: Effect, bench: Bench) -> Probe:
     constants = effect.constants
     anywhere = defaultdict[str, float](lambda: 1.0)  # conditions: the names of the constants alone count here
     with failures_of(effect, "constants"):
-        effects = bind(effect.place, [[replica_effect(effect, effect.params(), 1.0, anywhere, 0.0)]], PLACES)
+        effects = effect_device.bind(
+            effect.place, [[replica_effect(effect, effect.params(), 1.0, anywhere, 0.0)]], PLACES
+        )
 
     def probe(params: Any, conditions: Conditions, strength: float = 1.0, **members: Any) -> Any:
         numbers = constants(params, strength, conditions)
@@ -173,7 +165,7 @@ def write_members(place: Any, members: Mapping[str, Any]) -> None:
     upload([(getattr(place, name), [value]) for name, value in (zeros | dict(members)).items()])
 
 
-def evaluate_on_bench(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
+def evaluate_on_bench(effect: Effect, effects: effect_device.DeviceEffects, bench: Bench) -> Any:
     """Result of an effect for the pair, first contact or grain of the bench."""
     if effect.place == "grain":
         evaluate_bench_grain(effects, bench.grain, bench.force, bench.torque)
