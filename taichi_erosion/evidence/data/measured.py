@@ -397,8 +397,9 @@ def value_faults(
 ) -> Iterator[str]:
     """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
 
-    `usual_value` is the scene's number: a column near it is meant as it stands. `usual`: whether values
-    that are possible but unusual are looked at. None is known of a place without a range.
+    `usual_value` is the scene's number, 0 where it has none, NaN without a study: a column near it is meant
+    as it stands. `usual`: whether values that are possible but unusual are looked at. None is known of a
+    place without a range.
     """
     if allowed is None:
         return
@@ -410,16 +411,17 @@ def value_faults(
     near_own = usual_value > 0.0 and all(low <= used <= high for *_, used in odd)
     hint = ", or rename the column if it holds another quantity"
     hint = f": did you mean [{'] or ['.join(meanings)}]?" if meanings else hint
-    if not wrong and usual and 2 * len(odd) > len(cells) and not near_own:
+    reads_new = isnan(usual_value)  # a table without a study, whose owner can answer
+    if not wrong and usual and (meanings or reads_new) and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
         heading = next((c.heading.text for c in table.columns if c.title == name), name)
-        hint += f"; if it is right, say --unit '{heading}={cells[0][2] or allowed.unit}'"
+        hint += f"; if it is right, say --unit '{heading}={cells[0][2] or allowed.unit}'" * reads_new
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"
         outside = "which is unusual" if allowed.is_possible(used) else span
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
-        also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
+        also = f" is {with_unit(f'{used:g}', allowed.unit)}" if unit not in (None, "", allowed.unit) else ""
         message = f"{name} = {text}{also}, {outside}{more}; check number and unit{hint}"
         yield f"{table.file}: row {row.line}, {message}"
 

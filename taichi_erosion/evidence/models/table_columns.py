@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +99,7 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
             continue
         path, unit = dotted_paths(paths)[0], table.units[table.conditions.index(name)]
         values = (value_at_keys(scene, path.split(".")) for scene in scenes)
-        value = next((float(n) for n in values if type(n) in (int, float)), nan)
+        value = next((float(n) for n in values if type(n) in (int, float)), 0.0)
         place = path if scenes else f"conditions.{path}"
         allowed = range_at(place) if scenes or unit else None
         yield from value_faults(table, name, allowed, value, usual=bool(scenes))
