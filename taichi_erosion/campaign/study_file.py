@@ -21,7 +21,9 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.load import error_lines, fault_lines, first_error_line, lists_to_tuples, read_toml
 from taichi_erosion.scene.paths import DIALECT
+from taichi_erosion.scene.physical_ranges import range_of, range_scale
 from taichi_erosion.scene.schema.fields import Name, Section, entry, number
+from taichi_erosion.scene.schema.units import Scale
 
 UNIT, UNIT_OF_PARAMETER = "unit of the observable", "unit of the parameter"
 LARGEST = 1e30  # numbers beyond it are taken for a slip
@@ -308,8 +310,18 @@ def calibration_problems(file: StudyFile) -> Iterator[str]:
         yield "study.model answers evidence studies alone; a calibration needs a scene of every observable"
     if len(file.parameters) < SURFACE_FACTORS:
         yield f"parameters has {len(file.parameters)} entries; at least {SURFACE_FACTORS} allowed"
+    yield from target_unit_problems(file)
     if file.design.surface_factors > len(file.parameters):
         yield f"design.surface_factors exceeds the {len(file.parameters)} parameters"
+
+
+def target_unit_problems(file: StudyFile) -> Iterator[str]:
+    """Targets in another unit than that of their measures."""
+    for name, target in file.targets.items():
+        allowed = range_of(getattr(file.observables.get(name), "measure", None) or name)
+        scale = range_scale(target.unit, allowed) if allowed else Scale()
+        if allowed and (scale is None or scale.to_use(1.0) != 1.0):
+            yield f"targets.{name}.unit = '{target.unit}': its measure counts in {allowed.unit}; write that"
 
 
 def evidence_problems(file: StudyFile) -> Iterator[str]:

@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import inf
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.core.air_setup import AirSetup
@@ -200,6 +202,12 @@ class Numerics:
     threads: int = field(default=0)  # 0: all cores
     precision: Precision = "f32"
     decomposition: Decomposition | None = None  # None: partitions on a CPU, grains elsewhere
+
+    def __post_init__(self) -> None:
+        kinds = (("arch", self.arch, Arch), ("decomposition", self.decomposition, Decomposition))
+        for name, value, kind in kinds:
+            if value is not None and value not in get_args(kind):
+                raise BadInput(f"{name} = '{value}': write one of {', '.join(get_args(kind))}")
 
     @property
     def by_grain(self) -> bool:

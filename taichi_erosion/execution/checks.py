@@ -177,7 +177,7 @@ def situation_of_measurement(scene: Scene | AirScene) -> list[Any]:
     wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
     winds = [(each.friction_velocity, each.through_flow) for each in scene.stages]
     grains, tunnel = scene.grains.model_copy(update={"count": 1}), scene.threshold.speed_ratio
-    return [scene.conditions, scene.gravity, wind, winds, grains, tunnel]
+    return [scene.conditions, scene.gravity, scene.geometry, scene.fill, wind, winds, grains, tunnel]
 
 
 def library_of(*scenes: Scene) -> dict[str, Any]:

@@ -159,7 +159,7 @@ def run_document(
     `entries` are those that differ between grains and air alone.
     """
     if len(comparisons) < len(scene.measured):
-        warning = f"not compared with [measured] of {path.name}: grains, air or conditions are not the file's"
+        warning = f"not compared with [measured] of {path.name}: grains, apparatus, air or conditions differ"
         entries["limits"]["warnings"].append(warning)
     return {
         "scene": str(path),

@@ -93,7 +93,6 @@ class StudyRequest:
 
     @property
     def names(self) -> list[str]:
-        """Observables."""
         return list(dict.fromkeys(row.observable for row in self.table.rows))
 
     def path_from_study(self, file: Path) -> str:
@@ -271,7 +270,6 @@ def add_constant_conditions(request: StudyRequest) -> StudyRequest:
 
 
 def scene_study_content(request: StudyRequest) -> Content:
-    """The study that scenes answer."""
     scenes, parameters, conditions, observables = {}, {}, {}, {}
     stem = Path(request.table.file).stem
     for key, names in observables_by_apparatus(request).items():

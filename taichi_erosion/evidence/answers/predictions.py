@@ -73,14 +73,14 @@ def predict_study(
 def latest_adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path, tuple[str, ...]]:
     """The study that the last of several adoptions wrote, or the study itself.
 
-    Comes with the effects of an adoption that answers no longer, since the study or its table has changed.
+    Comes with the effects of an adoption that does not answer: advised against, or of another table or study.
     """
     for _ in range(LONGEST_CHAIN):
         study = load_study(path, options)
         last = files.read_reply(study.results, path.stem, "adopt")
-        if last is None or not naming_lowers_misfit(last.record):
+        if last is None:
             return path, ()
-        if last.about["digest"] != study.digest[:12]:
+        if not naming_lowers_misfit(last.record) or last.about["digest"] != study.digest[:12]:
             return path, last.record.named
         following = path.with_name(Path(last.about["written"]).name)
         if following == path or not following.is_file():

@@ -258,7 +258,6 @@ def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: Compariso
 
 
 def mechanism_part_with_law(law: Law, probability: float) -> parts.MechanismPart:
-    """A mechanism with the doses of its law, and the law with its intervals."""
     mechanism, best, share = law
     form, draws = best.form, best.draw_numbers()
     numbers = dict(zip(("a", *form.names), map(best_value_interval, best.numbers, draws.T), strict=True))
@@ -290,7 +289,6 @@ def law_with_names(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, di
 
 
 def best_value_interval(value: float, draws: Floats) -> Interval:
-    """A best value with the 90 % interval of its draws."""
     return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))
 
 

@@ -67,8 +67,6 @@ class Content:
 
 @dataclass(frozen=True)
 class StudyFiles:
-    """A study before it is written."""
-
     folder: Path
     stem: str  # name of the laboratory's table, without its ending
     rows: Table

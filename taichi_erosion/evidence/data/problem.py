@@ -201,7 +201,6 @@ class Problem:
 
     @property
     def candidate_names(self) -> list[str]:
-        """Names of the candidates, in the order of the study."""
         return [candidate.name for candidate in self.candidates]
 
     def visible_rows(self) -> Measurements:

@@ -138,7 +138,6 @@ class Working:
 
     @property
     def censored_deviance(self) -> float:
-        """Deviance of a single column."""
         return float(self.deviances)
 
 

@@ -97,7 +97,6 @@ class GaussianProcess:
     weights: Floats  # K^-1 (z - centre) / width
 
     def mean(self, at: Points) -> Floats:
-        """Posterior mean."""
         return self.centre + self.width * (self.prior_covariance(at, self.training) @ self.weights)
 
     def error_cov(self, at: Points) -> Floats:

@@ -42,7 +42,6 @@ class PlanCost:
 
     @property
     def cost_text(self) -> str:
-        """One line for people."""
         if not self.first + self.later + self.fresh:
             return f"No run is to be made: all {self.ledger_runs} are kept from before."
         stored = f"; {self.ledger_runs} more are kept from before" if self.ledger_runs else ""

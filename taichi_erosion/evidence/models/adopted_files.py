@@ -73,7 +73,6 @@ def add_effect_files_to_text(text: str, section: str, folder: Path, files: Seque
 
 
 def adopted_study_text(study: Study, adoption: Adoption) -> str:
-    """Text of the study with the effects under [adopted]."""
     text = remove_mark(read_text_of_file(study.path, str(study.path)))
     text = with_entry(text, ("study", "follows"), study.path.name)
     text = add_effect_files_to_text(text, "study", study.path.parent, study.effect_files)

@@ -218,7 +218,6 @@ class ModelErrorCovariance:
 
 
 def dose_of_rows(law: Effect, conditions: Conditions) -> Floats:
-    """Dose of strength 1 in every row."""
     params, doses = law.params(), np.zeros(row_count(conditions))
     with failures_of(law, "dose"):
         for row in range(doses.size):

@@ -113,7 +113,6 @@ class PreparedProblem:
         return np.hstack([*parts, np.diag(self.rows.rounding)[:, self.rows.rounding > 0.0]])
 
     def observables_with_row_masks(self) -> Iterator[tuple[Observable, Bools]]:
-        """Every observable that has rows, with the mask of its rows."""
         for index, observable in enumerate(self.rows.observables):
             chosen = self.rows.which == index
             if chosen.any():

@@ -124,7 +124,6 @@ class Fit(Expansion):
 
     @property
     def row_doses_of(self) -> Conditions:
-        """Doses in every row, by mechanism."""
         return {} if self.dose is None else self.hypothesis.doses_of(self.dose.w)
 
     @property

@@ -155,6 +155,11 @@ class Outlook:
         factor, alone = self.columns_over_sd(smooth)
         return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
+    def at_scales_of(self, fit: Fit) -> "Outlook":
+        """The same with errors of the sizes that another hypothesis finds, or of their priors."""
+        rows = self.solution.rows
+        return replace(self, solution=rows.at_scales(fit.evidence.solution.scales_for(rows.scales)))
+
     def columns_over_sd(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
         tau = np.append(self.solution.tau, np.exp(np.append(self.solution.u, 0.0)[self.scale_numbers]))
@@ -307,32 +312,34 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     good = np.all([np.isfinite(each.start) for each in outlooks], axis=0)
     if not good.any():
         return None
-    # rivals may expect large errors
-    size = np.sqrt(rows.variance + place.mean_variance + outlooks[1].conditional_variance(False))
+    # a wrong model expects large errors, so that they are those of the likeliest explanation of all
+    share = race.posterior_probabilities()
+    errors = outlooks[1].at_scales_of(race.fits[max(share, key=lambda each: share[each])])
+    size = np.sqrt(rows.variance + place.mean_variance + errors.conditional_variance(False))
     gaps, reach = [(rows.z - each.mean(False)) / size for each in outlooks], (rows.reach / size)[good]
     residuals = (working_residuals(gap[good], reach).residual for gap in gaps)
     before, after, *other = (float(np.mean(each**2)) for each in residuals)
     exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
-    p_after = predicted_misfit_p_value(place, outlooks[1], exact)
+    p_after = predicted_misfit_p_value(place, rows.z - outlooks[1].mean(False), errors, exact)
     change = (outlooks[1].mean(False) - outlooks[0].mean(False)) / size
     p_worse = p_of_small_misfit_change(change[exact], gaps[1][exact])
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
-    errors = (int(good.sum()), before, after, control)
+    misfits = (int(good.sum()), before, after, control)
     pairs = {key: (x[good], race.prepared.rows.conditions[key]) for key, x in rows.conditions.items()}
     alike = {key: float(x[0]) for key, (x, others) in pairs.items() if np.ptp(x) == 0.0 < np.ptp(others)}
     corrected = np.abs(gaps[1][:, np.newaxis] - slips_of_decimal_point(rows, size))
     is_slip = (np.nanmin(corrected, axis=1, initial=np.inf) < SLIP_GAP) & (np.abs(gaps[1]) > BAD_SD[0])
     slips = tuple(rows.lines[k][0] for k in np.flatnonzero(is_slip))
-    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name, alike, slips)
+    return HeldOutPart(*misfits, p_after, p_worse, opened, tuple(names), name, alike, slips)
 
 
-def predicted_misfit_p_value(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
+def predicted_misfit_p_value(place: JointRows, gaps: Floats, errors: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
     noise = np.diag(place.rows.variance + place.mean_variance)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
-    gap, chosen = (place.rows.z - outlook_of.mean(False))[good], np.ix_(good, good)
-    physics, noise = outlook_of.conditional_covariance(False)[chosen], noise[chosen]
+    gap, chosen = gaps[good], np.ix_(good, good)
+    physics, noise = errors.conditional_covariance(False)[chosen], noise[chosen]
     scatter = np.exp(2.0 * place.race.priors.doubt * NODES)
     size = [gap @ np.linalg.solve(physics + factor * noise, gap) for factor in scatter]
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())

@@ -74,7 +74,6 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 
 def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
-    """First and last line of a comparison."""
     rows, p = part_words.row_count_text(record), record.p_lack_of_fit
     size = f"misfit per row {plain(record.chi2_per_row_before, 2)}, where 1 is chance"
     size += f"; {say.p_text(record.p_misfit)}"
@@ -156,7 +155,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
         return trim_answer(Answer((words,), (), (), None), record)
     first, numbers, last = adoption_lines(record, vault, voc)
     following = (f"{first_step_text(record, 'adopt', voc, *vault.adopted) or last}.",)
-    holds = control_sentence(vault, voc), numbers
+    holds = control_sentence(record, vault, voc), numbers
     return trim_answer(Answer((first,), holds, following, error_table(record, vault)), record)
 
 
@@ -189,15 +188,23 @@ def adoption_lines(record: Record, vault: records.HeldOutPart, voc: say.Vocabula
     return first, numbers(record, before=False, without=names), last
 
 
-def control_sentence(vault: records.HeldOutPart, voc: say.Vocabulary) -> str:
-    """What a random other effect does, and how varied and unseen the rows are."""
+def control_sentence(record: Record, vault: records.HeldOutPart, voc: say.Vocabulary) -> str:
+    """What a random other effect does, what no row needs, and how varied and unseen the rows are."""
+    sets, whole = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}, {*vault.adopted}
+    idle = [
+        each
+        for each in vault.adopted
+        if sets.get(frozenset(whole - {each}), 0.0) > sets.get(frozenset(whole), 0.0)
+    ]
     wrong = vault.chi2_per_row_wrong_effect
-    end = ", no worse: these rows do not tell which acts" * (wrong <= vault.chi2_per_row_after)
+    end = ", no worse: these rows do not tell which acts" if vault.p_after >= ADEQUATE else ", less than that"
+    end *= wrong <= vault.chi2_per_row_after
     other = f"Control: another effect drawn at random, {vault.wrong_effect}, gives {plain(wrong, 2)} per row"
     words = "No control: the study has no other candidate." if isnan(wrong) else f"{other}{end}."
     openings = f" The held-out rows have been opened {vault.opened} times: they are no longer unseen."
     alike = f" All held-out rows have {voc.units.conditions_text(vault.alike)}: no other value is tested."
-    return words + alike * bool(vault.alike) + openings * (vault.opened > 1)
+    needless = f" The rows need no {say.join_words(idle, 'or')}: without it they are explained as well."
+    return words + needless * bool(idle) + alike * bool(vault.alike) + openings * (vault.opened > 1)
 
 
 def error_table(record: Record, vault: records.HeldOutPart) -> Table:
@@ -269,7 +276,7 @@ def prediction_answer(
     every = f"of {count_noun(len(prediction.rows), 'prediction')}"
     new = sum(row.unseen for row in prediction.rows)
     soil = f"; for {new} {every} the soil or batch was not measured (a column `group` names it)" * bool(new)
-    again = "adopted before the table or the study changed; `adopt` again takes it in"
+    again = "adopted before table or study changed, or advised against; `adopt` again takes it in"
     missing = [f"Predicted by {model}.", f"`value` is the model corrected by what its residuals show{soil}."]
     lost = f"Not predicted: {say.join_words(prediction.lost)}, of which no row has a known scatter."
     missing += [lost] * bool(prediction.lost)
@@ -278,7 +285,7 @@ def prediction_answer(
     if prediction.held_out is not None:
         holds += [coverage_line("held-out rows", prediction.held_out)]
     elif hidden:
-        holds += [f"{count_noun(hidden, 'held-out row')} stay unseen for `adopt`."]
+        holds += [f"{count_noun(hidden, 'held-out row')} are kept for `adopt`."]
     runs = count_noun(prediction.new_runs, "new simulation")
     fresh = sum(row.simulated for row in prediction.rows)
     holds += [f"{runs} answer for {fresh} {every}."] * bool(prediction.new_runs)
@@ -303,7 +310,6 @@ def coverage_line(rows: str, check: records.CheckPart) -> str:
 
 
 def prediction_rows(prediction: records.PredictionPart, units: TableUnits) -> Table | None:
-    """One row for each prediction, in the units of the tables."""
     if not prediction.rows:
         return None
     names = prediction.rows[0].condition_units

@@ -75,7 +75,6 @@ def comparison_sentence(title: str, measure: Document, datum: Document) -> str:
 
 
 def deviation_or_zero(sd: float | None) -> float:
-    """A standard deviation, 0 where it is unknown."""
     return sd if sd is not None and isfinite(sd) else 0.0
 
 

@@ -63,7 +63,7 @@ def asked(study: Path, **words):
 def test_the_adopted_model_answers_until_the_table_changes(study):
     before = asked(study)
     assert (before.about["adopted"], before.record.held_out) == ([], None)
-    assert any("stay unseen for `adopt`" in line for line in before.answer().lines)
+    assert any("are kept for `adopt`" in line for line in before.answer().lines)
     adopt_study(study, ["liquid_bridge"], no_progress)
     after = asked(study)
     assert after.about["adopted"] == ["liquid_bridge"]
