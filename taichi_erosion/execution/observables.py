@@ -65,7 +65,6 @@ class MeasureInput:
 
     @property
     def steady_frames(self) -> tuple[Snapshot, ...]:
-        """Frames of steady transport."""
         return self.frames[self.window.first :] if self.window else self.frames
 
     @property
@@ -164,7 +163,6 @@ class MeasureInput:
 
 
 def wind_patch_of_scene(scene: Scene) -> wind_bed.Patch:
-    """The patch under the wind of a scene that has one."""
     wind = scene.wind
     assert wind is not None
     diameter, surface = nominal_diameter(scene.grains), bed_surface_height(scene, wind)

@@ -302,7 +302,6 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def keep_session_and_grains(session: Session) -> Kept:
-    """The session as it is, and its grains."""
     return copy_session_lists(session), simulation.export_state(session.sim)
 
 
@@ -399,7 +398,6 @@ def session_status(session: Session) -> dict[str, float | int | str]:
 
 
 def present_wall_meshes(session: Session) -> tuple[WallMesh, ...]:
-    """The walls that stand, where they are."""
     return recorders.present_walls(recorders.meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
 
 

@@ -124,7 +124,6 @@ def velocity_scale(scene: Scene) -> float:
 
 
 def begin_trial(sim: Simulation, replica: int, friction_velocity: float, time: float) -> Trial:
-    """Trial that begins with the grains as they are."""
     start = snapshot(sim, replica).position
     nothing = np.zeros(len(start), dtype=bool)
     return Trial(friction_velocity, time, start, start, nothing, nothing)

@@ -106,7 +106,6 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the terms."""
         return tuple(term_name(term, [f.path for f in self.factors]) for term in self.terms)
 
     @cached_property

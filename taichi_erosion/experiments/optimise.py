@@ -180,7 +180,6 @@ def goal_loss(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softnes
 
 
 def prediction_range(fit: Fit) -> Reach:
-    """Range of the predictions in the cube."""
     begin = start_points(len(fit.factors))
     ends = []
     for sign in (1.0, -1.0):

@@ -110,7 +110,6 @@ def take_sphere_force(world_out: ti.template(), r, place, arm):
 
 @ti.func
 def kick_and_drift_body(world_out: ti.template(), r, b, kick):
-    """Kick and drift one body."""
     clumps_out, grains = ti.static((world_out.clumps, world_out.grains))
     frame = rotation_matrix(clumps_out.orientation[b])
     force = 0.0 * clumps_out.velocity[b]

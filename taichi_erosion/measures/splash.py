@@ -67,7 +67,6 @@ def count_splash_events(frames: Sequence[Snapshot], patch: Patch, gravity: float
 
 
 def grain_flights(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:
-    """Flights of one grain, in order."""
     began: int | None = None
     for k, frame in enumerate(frames):
         flying = frame.position[grain, 2] > patch.clear

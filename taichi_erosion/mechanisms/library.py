@@ -42,7 +42,6 @@ def load_mechanisms() -> dict[str, Effect]:
 
 
 def mechanism_of_row(name: str, row: Mapping[str, Any]) -> Effect:
-    """The effect of one row."""
     from taichi_erosion.mechanisms.factors import FACTORS, PARTNERS
     from taichi_erosion.mechanisms.forces import FORCES
 

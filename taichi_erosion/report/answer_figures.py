@@ -162,7 +162,6 @@ def labelled_chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Float
 
 
 def draw_interval(frame: Axes, at: float, size: Interval, colour: str) -> None:
-    """Median with its 90 % interval."""
     ends = [[size.value - size.low], [size.high - size.value]]
     frame.errorbar(size.value, at, xerr=np.maximum(ends, 0.0), fmt="o", color=colour, ms=4.5, elinewidth=1.4)
 

@@ -269,7 +269,6 @@ def lists_to_tuples(value: Any) -> Any:
 
 
 def fault_lines(name: str, lines: Sequence[str]) -> list[str]:
-    """Faults of a file, one line each."""
     return [f"{name}: {line}" for line in lines]
 
 

@@ -64,6 +64,7 @@ def test_one_file_is_a_calibration_and_an_evidence_study(tmp_path):
         *((read_calibration_study, *entry) for entry in WRONG),
         *((read_evidence_study, *entry) for entry in WRONG),
         (read_calibration_study, TARGETS, "", "[targets] is missing"),
+        (read_calibration_study, "sd = 0.5", 'sd = 0.5\nunit = "rad"', "its measure counts in deg"),
         (read_calibration_study, '"heap.csv"', '"heap.csv"\nmodel = "m:f"', "exactly one must answer"),
         (read_calibration_study, SCENE_ANSWERS, MODEL_ANSWERS, "study.model answers evidence studies alone"),
         (read_calibration_study, 'scene = "heap.toml"\n', "", "observables.angle.scene is missing, as"),

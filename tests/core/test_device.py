@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core import device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 
 STARTS = """
@@ -104,3 +106,9 @@ def test_without_a_place_for_its_cache_the_device_starts_and_the_program_ends_we
         [sys.executable, "-c", STARTS], env=environment, capture_output=True, text=True, check=False
     )
     assert (ended.returncode, ended.stdout) == (0, "3.0\n"), ended.stderr
+
+
+@pytest.mark.parametrize("wrong", [{"arch": "gpu"}, {"decomposition": "grain"}])
+def test_a_device_that_is_none_is_refused_by_its_name(wrong):
+    with pytest.raises(BadInput, match="write one of"):
+        Numerics(**wrong)

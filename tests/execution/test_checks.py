@@ -103,11 +103,15 @@ SHIPPED = Path(__file__).parents[2] / "scenes"
         ("saltation", "stages.3.friction_velocity=0.5", False),
         ("saltation", "stages.3.duration_max=3.0", True),
         ("wind_threshold", "threshold.speed_ratio=0.048", False),
+        ("column_collapse", "geometry.tube.radius_d=10.0", False),
+        ("column_collapse", "grains.count=400", True),
         ("channel", "air.driving_gradient=[-4.0, 0.0, 0.0]", False),
         ("channel", "air.cells=[1, 1, 48]", True),
     ],
 )
-def test_a_measured_value_belongs_to_the_wind_of_its_stages_and_of_its_box(name, change, is_compared):
+def test_a_measured_value_belongs_to_its_apparatus_and_the_wind_of_its_stages_and_of_its_box(
+    name, change, is_compared
+):
     path = SHIPPED / f"{name}.toml"
     read = load_checked_air_scene if name == "channel" else read_scene
     assert bool(comparable(path, read(path, (change,)))) == is_compared

@@ -19,7 +19,6 @@ from taichi_erosion.evidence.answers import files, rounds, set_up
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.answers.rounds import Question, StudyInference, discovery_question, plans_to_try
 from taichi_erosion.evidence.answers.summary import mechanism_parts, race_record
-from taichi_erosion.evidence.data.comparison_rows import UNCHECKED
 from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_openings
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength_path
@@ -41,6 +40,8 @@ from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.mechanisms.library import mechanism_rows
+
+LEFT_OUT = ("they are not used", "they are left out")  # ends of warnings on rows that no answer has
 
 
 @contextmanager
@@ -210,5 +211,5 @@ def common_answer_fields(study: Study, inference: StudyInference) -> files.Docum
     # repeats that differ first, for they may be typing errors
     order = sorted(study.faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
     lines = dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order)
-    lines |= dict.fromkeys(f"warning: {each}" for each in warnings if each != UNCHECKED)  # of rows not used
+    lines |= dict.fromkeys(f"warning: {each}" for each in warnings if each.endswith(LEFT_OUT))
     return about | {"set_up": list(lines), "warnings": warnings}

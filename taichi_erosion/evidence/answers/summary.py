@@ -111,7 +111,6 @@ def lack_of_fit_p(race: Race, fit: Fit) -> float:
 
 
 def weighted_interval(values: Floats, weight: Floats) -> Interval:
-    """Median and 90 % interval of weighted draws."""
     low, middle, high = quantiles(values, weight)
     return Interval(float(middle), float(low), float(high))
 

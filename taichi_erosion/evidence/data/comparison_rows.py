@@ -33,8 +33,6 @@ from taichi_erosion.evidence.data.transforms import slope, to_scale
 from taichi_erosion.tables.number_columns import reading_step
 
 NEGLIGIBLE = 0.1  # variance over that of a row, below which a rounding is left out
-UNCHECKED = "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
-UNCHECKED += "conditions would separate noise from a missing effect."
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
 ROW_WISE += ("rounding", "condition_sd", "heaps", "lines")  # one entry a row, beside shared errors
 
@@ -119,7 +117,9 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     freedom = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
     if sum(scatter.freedom for scatter in scatters) + sum(freedom) / max(len(freedom), 1) >= LEAST_FREEDOM:
         return rows
-    return replace(rows, warnings=(*rows.warnings, UNCHECKED))
+    note = "The stated sd cannot be checked: no condition was repeated."
+    remedy = "At least 3 repeats at 4 or more conditions would separate noise from a missing effect."
+    return replace(rows, warnings=(*rows.warnings, f"{note} {remedy}"))
 
 
 def merge_repeats(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:

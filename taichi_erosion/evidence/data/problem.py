@@ -204,7 +204,6 @@ class Problem:
         return [candidate.name for candidate in self.candidates]
 
     def visible_rows(self) -> Measurements:
-        """The rows outside the vault."""
         rows = np.setdiff1d(np.arange(self.measurements.size), self.vault.rows)
         return self.measurements.pick_rows_at(rows)
 

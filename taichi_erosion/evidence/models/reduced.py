@@ -181,7 +181,6 @@ def closed_form(
 
 
 def model_mean(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
-    """The model without its scatter."""
     at = DEFAULT_COLUMNS | conditions  # a row without what others state has NaN; a default stays one number
     shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
     return mean_with_shifts(observable, row_count(conditions), at, {**PARAMETERS, **parameters}, shifts)

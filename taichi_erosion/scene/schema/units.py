@@ -170,7 +170,6 @@ class Scale:
         return self.origin + self.factor * number
 
     def to_unit_of_table(self, used: float) -> float:
-        """Number as the table has it."""
         return (used - self.origin) / self.factor
 
 

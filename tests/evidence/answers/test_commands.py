@@ -11,6 +11,7 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply
 from taichi_erosion.evidence.models.load_study import StudyOptions
@@ -90,6 +91,19 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
     first, second = replies["adopt"].about["ladder"]
     assert (first["effects"], second["effects"]) == ([], [NAME])
     assert second["chi2_per_row_held_out"] < first["chi2_per_row_held_out"]
+
+
+def test_adoptions_count_in_the_errors_of_the_likeliest_explanation(tmp_path):
+    table = Path(__file__).parents[3] / "doe" / "windkanal_fine.csv"
+    assert main(["study", "new", str(table), "--yes", "--closed-form", "--out", str(tmp_path)]) == 0
+    sets = {"some": (NAME,), "right": (NAME, "dry_cohesion"), "more": (NAME, "dry_cohesion", "saffman_lift")}
+    found = {key: ask("adopt", tmp_path / "windkanal_fine.toml", *names) for key, names in sets.items()}
+    before = [reply.record.vault.chi2_per_row_before for reply in found.values()]
+    assert max(before) < 2.0 * min(before)
+    assert "the model still fails: held-out rows" in found["some"].answer().lines[0]
+    assert "what is left is chance" in found["right"].answer().lines[0]
+    needless = ["The rows need no" in "".join(reply.answer().lines) for reply in found.values()]
+    assert needless == [False, False, True]
 
 
 def test_in_a_null_nothing_is_named_or_adopted(tmp_path):

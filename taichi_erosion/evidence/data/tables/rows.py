@@ -435,7 +435,6 @@ class RowReader:
 
 
 def quote_cell(text: str) -> str:
-    """A cell in quotes, on one line, shortened."""
     clean = "".join(sign if sign.isprintable() else "?" for sign in text[: SHOWN + 1])
     return f"'{clean}'" if len(clean) <= SHOWN else f"'{clean[: SHOWN - 3]}...'"
 
@@ -447,7 +446,6 @@ def row_sources(sources: Sequence[str]) -> tuple[str, ...]:
 
 
 def tidy_table_cells(table: Table) -> list[dict[str, str]]:
-    """Cells of the tidy form of a table, by heading."""
     names = [f"{n} [{u}]" if u else n for n, u in zip(table.conditions, table.units, strict=True)]
     errors = {each: "set " if each in table.set_conditions else "" for each in table.conditions}
     errors = {n: t for n, t in errors.items() if any(n in row.condition_sd for row in table.rows)}
