@@ -91,7 +91,6 @@ def welch_test(values: Sequence[float], target: Sample | float) -> Confirmation:
 
 
 def critical_t(df: float) -> float:
-    """Limit of |t|."""
     return float(stats.t.isf(0.5 * SIGNIFICANCE, df))
 
 

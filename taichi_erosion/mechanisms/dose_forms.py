@@ -52,7 +52,6 @@ class Form:
     exponents: Mapping[str, str] = field(default_factory=dict)  # condition -> name of its exponent
 
     def dose(self, conditions: Conditions, numbers: Floats) -> Floats:
-        """Doses of the rows."""
         return numbers[0] * np.nan_to_num(self.shape(conditions, numbers[1:]))
 
     @property

@@ -33,12 +33,14 @@ from taichi_erosion.evidence.models.load_study import (
 )
 from taichi_erosion.evidence.race.decision import decide_cause, sensitivity
 from taichi_erosion.evidence.race.dose_laws import dose_law_of_decision
+from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict_hypotheses
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
+from taichi_erosion.evidence.words.vocabulary import join_words
 from taichi_erosion.mechanisms.library import mechanism_rows
 
 LEFT_OUT = ("they are not used", "they are left out")  # ends of warnings on rows that no answer has
@@ -207,9 +209,11 @@ def store_reply(
 def common_answer_fields(study: Study, inference: StudyInference) -> files.Document:
     """What every answer says of its study and of the set-up."""
     about = files.study_fields(study) | {"faults": [asdict(each) for each in study.faults]}
-    warnings = list(inference.posterior.race.prepared.warnings)
+    race, warnings = inference.posterior.race, list(inference.posterior.race.prepared.warnings)
     # repeats that differ first, for they may be typing errors
     order = sorted(study.faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
     lines = dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order)
     lines |= dict.fromkeys(f"warning: {each}" for each in warnings if each.endswith(LEFT_OUT))
+    if idle := [name for name in race.model.candidates if Hypothesis((name,)) not in race.fits]:
+        lines[f"warning: {join_words(idle)} changes nothing here: has the model another name for it?"] = None
     return about | {"set_up": list(lines), "warnings": warnings}

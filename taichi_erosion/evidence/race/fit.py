@@ -128,7 +128,6 @@ class Fit(Expansion):
 
     @property
     def scales(self) -> Floats:
-        """Ln of the scales of all errors."""
         return self.evidence.solution.u
 
 
