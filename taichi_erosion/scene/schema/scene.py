@@ -224,8 +224,8 @@ class Scene(fields.SceneFile):
     def friction_velocity_of_stage(self, stage: int) -> float:
         """u* of a stage that reaches the patch [m s-1], as stated in it or last before it; 0 without wind."""
         by_stage = (each.friction_velocity for each in reversed(self.stages[: stage + 1]))
-        own, partition = (self.wind.friction_velocity, self.wind.partition) if self.wind else (0.0, 1.0)
-        return partition * next(value for value in (*by_stage, own) if value is not None)
+        friction, partition = (self.wind.friction_velocity, self.wind.partition) if self.wind else (0.0, 1.0)
+        return partition * next(value for value in (*by_stage, friction) if value is not None)
 
     @property
     def periods_xy(self) -> tuple[float, float] | None:
