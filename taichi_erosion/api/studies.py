@@ -166,5 +166,5 @@ def path_of_table(table: TableLike, out: PathLike | None) -> Path:
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")
-    columns.to_csv(file, index=False)
+    columns.to_csv(file, index=columns.index.names != [None])  # one with a name is a column
     return file

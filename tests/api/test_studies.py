@@ -93,6 +93,7 @@ def test_a_printed_table_has_all_columns_in_a_narrow_terminal(wet, monkeypatch):
 def test_a_data_frame_is_a_table(tmp_path):
     diameters, thresholds = [0.1, 0.2, 0.4, 0.8], [14.0, 17.0, 24.0, 34.0, 14.5, 17.4, 23.6, 34.7]
     table = pd.DataFrame({"diameter [mm]": 2 * diameters, "threshold_u_star [cm/s]": thresholds})
+    table = table.set_index("diameter [mm]")  # an index with a name is a column
     study = te.new_study(table, tmp_path / "mine", closed_form=True)
     with pytest.raises(te.BadInput, match="has no answer yet"):
         study.report()
