@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from itertools import pairwise
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -415,7 +416,9 @@ def value_faults(
     if not wrong and usual and (meanings or reads_new) and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
         heading = next((c.heading.text for c in table.columns if c.title == name), name)
-        hint += f"; if it is right, say --unit '{heading}={cells[0][2] or allowed.unit}'" * reads_new
+        hint += (
+            f"; if it is right, say --unit {quote(f'{heading}={cells[0][2] or allowed.unit}')}" * reads_new
+        )
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         text = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
         span = f"outside [{allowed.low:g}, {allowed.high:g}]"

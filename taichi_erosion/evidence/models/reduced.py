@@ -140,7 +140,8 @@ def short_fetch(psi: float, at: Conditions) -> Shift:
 
 def side_walls(psi: float, at: Conditions) -> Shift:
     """Walls carry part of the heap: angle up by 8 deg at a width of 10 grains (plausible size)."""
-    return Shift(repose=8.0 * psi * np.minimum(10.0 * at["diameter"] / at["width"], 3.0))
+    width = np.where(at["width"] > 0.0, at["width"], np.inf)  # 0: there are none
+    return Shift(repose=8.0 * psi * np.minimum(10.0 * at["diameter"] / width, 3.0))
 
 
 def trap_efficiency(psi: float, at: Conditions) -> Shift:

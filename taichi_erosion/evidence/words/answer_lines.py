@@ -3,7 +3,7 @@
 Every line has its place: an answer has at most eight, and one table.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, isnan
 from pathlib import Path
@@ -18,6 +18,7 @@ from taichi_erosion.evidence.words import vocabulary as say
 from taichi_erosion.scene.physical_ranges import range_at
 from taichi_erosion.tables.number_words import count_noun, heading, plain, toml_key, with_unit
 
+LIKELIER = 0.5  # probability from which a set is likelier than all others together
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
 CANDIDATES = ("effect", "status", "strength (90 %)", "probability")
@@ -180,9 +181,10 @@ def adoption_lines(record: Record, vault: records.HeldOutPart, voc: say.Vocabula
         last = f"Go on with {voc.sequel}: {voc.command('discover', voc.sequel)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), slip or last
-    remainder = f"what is left is chance ({say.p_text(vault.p_after)})"
+    hardly = "hardly " * (vault.p_after < part_words.AGREED)
+    remainder = f"what is left is {hardly}chance ({say.p_text(vault.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {remainder}."
-    if after >= before:
+    if after >= before or vault.chi2_per_row_wrong_effect <= after:  # another effect does as well
         first = f"The {rows} hardly test {names}: their error goes {change}; {remainder}."
     last = f"Go on with {voc.sequel}: {voc.command('compare', voc.sequel)} shows the model with it"
     return first, numbers(record, before=False, without=names), last
@@ -191,11 +193,7 @@ def adoption_lines(record: Record, vault: records.HeldOutPart, voc: say.Vocabula
 def control_sentence(record: Record, vault: records.HeldOutPart, voc: say.Vocabulary) -> str:
     """What a random other effect does, what no row needs, and how varied and unseen the rows are."""
     sets, whole = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}, {*vault.adopted}
-    idle = [
-        each
-        for each in vault.adopted
-        if sets.get(frozenset(whole - {each}), 0.0) > sets.get(frozenset(whole), 0.0)
-    ]
+    idle = [each for each in vault.adopted if sets.get(frozenset(whole - {each}), 0.0) > LIKELIER]
     wrong = vault.chi2_per_row_wrong_effect
     end = ", no worse: these rows do not tell which acts" if vault.p_after >= ADEQUATE else ", less than that"
     end *= wrong <= vault.chi2_per_row_after
@@ -203,7 +201,7 @@ def control_sentence(record: Record, vault: records.HeldOutPart, voc: say.Vocabu
     words = "No control: the study has no other candidate." if isnan(wrong) else f"{other}{end}."
     openings = f" The held-out rows have been opened {vault.opened} times: they are no longer unseen."
     alike = f" All held-out rows have {voc.units.conditions_text(vault.alike)}: no other value is tested."
-    needless = f" The rows need no {say.join_words(idle, 'or')}: without it they are explained as well."
+    needless = f" The rows need no {say.join_words(idle)}: without it they are explained as well."
     return words + needless * bool(idle) + alike * bool(vault.alike) + openings * (vault.opened > 1)
 
 
@@ -259,7 +257,6 @@ def explanation_name(key: str) -> str:
 def experiment_table_row(
     experiment: records.ExperimentPart, keys: list[str], voc: say.Vocabulary
 ) -> tuple[str, ...]:
-    """Where to measure, what each explanation expects, the chance to decide."""
     name, unit = experiment.observable, voc.units.value_unit(experiment.observable)
     expected = (experiment.predictions.get(key) for key in keys)
     values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
@@ -338,5 +335,4 @@ def out_of_range_text(row: records.PredictedPart) -> str:
     return ", ".join(ends + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
 
 
-ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]]
 ANSWERS = {"compare": compare_answer, "discover": discover_answer, "adopt": adopt_answer, "next": next_answer}
