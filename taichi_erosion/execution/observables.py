@@ -132,9 +132,8 @@ class MeasureInput:
                 rows = np.array(surface_of_revolution_rows(wall))
                 ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
-                if pose.present and (
-                    lifted or lowest > self.base_height + heap.median_diameter_by_volume(self.end)
-                ):
+                gap = 0.0 if lifted else heap.median_diameter_by_volume(self.end)
+                if pose.present and lowest > self.base_height + gap:
                     as_built = (self.end.position - pose.translation) @ pose.rotation
                     inside |= heap.inside_surface_of_revolution(rows, as_built)
         return inside

@@ -116,18 +116,14 @@ def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
 def surface_scatter_shortfalls(mean: float, sd: float) -> Iterator[Shortfall]:
     """Shortfall of the slope of a surface that is another in each frame."""
     if sd > UNSTEADY * mean:
-        words = (
-            f"frames scatter by {sd:.2g} deg: no steady surface, as where the drum turns too fast or empties"
-        )
+        words = f"frames scatter by {sd:.2g} deg, no steady surface: a drum that turns too fast, or empties"
         yield Shortfall("unsteady_surface", words, sd, UNSTEADY * mean, True)
 
 
 def tilt_shortfalls(lag: float) -> Iterator[Shortfall]:
     """Shortfall of a sliding angle whose plate turns by `lag` [deg] while the grains set off."""
     if lag > LAG_MOST:
-        words = (
-            f"the plate turns by {lag:.2g} deg while grains set off, so that the angle is too large by about "
-        )
+        words = f"the plate turns by {lag:.2g} deg while grains set off, and the angle is too large by about "
         yield Shortfall("fast_tilt", f"{words}twice that: tilt more slowly", lag, LAG_MOST, False)
 
 

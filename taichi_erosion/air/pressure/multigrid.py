@@ -184,11 +184,11 @@ def clear_line(levels_out: ti.template(), level, r, i, j):
 def relax_line(levels_out: ti.template(), level, r, i, j):
     """Exact solution of one line with its neighbours as they stand."""
     n = ti.static(levels_out.right_side.shape[2])
-    c, beside = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
+    c, neighbours = column_of(levels_out, level, i, j), neighbour_columns(levels_out, level, i, j)
     below = real(0.0)
     for k in range(n):
         right = levels_out.right_side[r, c, k]
-        right += neighbour_sum(levels_out, levels_out.solution, r, c, beside, k)
+        right += neighbour_sum(levels_out, levels_out.solution, r, c, neighbours, k)
         below = (right + levels_out.conductance_z[r, c, k] * below) * levels_out.inverse_pivot[r, c, k]
         levels_out.solution[r, c, k] = below
     above = real(0.0)

@@ -155,11 +155,6 @@ class Outlook:
         factor, alone = self.columns_over_sd(smooth)
         return np.sum(factor @ self.solution.inverse * factor, axis=1) + np.sum(alone**2, axis=1)
 
-    def at_scales_of(self, fit: Fit) -> "Outlook":
-        """The same with errors of the sizes that another hypothesis finds, or of their priors."""
-        rows = self.solution.rows
-        return replace(self, solution=rows.at_scales(fit.evidence.solution.scales_for(rows.scales)))
-
     def columns_over_sd(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
         tau = np.append(self.solution.tau, np.exp(np.append(self.solution.u, 0.0)[self.scale_numbers]))
@@ -313,8 +308,9 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     if not good.any():
         return None
     # a wrong model expects large errors, so that they are those of the likeliest explanation of all
-    share = race.posterior_probabilities()
-    errors = outlooks[1].at_scales_of(race.fits[max(share, key=lambda each: share[each])])
+    share, linear = race.posterior_probabilities(), outlooks[1].solution.rows
+    likeliest = race.fits[max(share, key=lambda each: share[each])].evidence.solution
+    errors = replace(outlooks[1], solution=linear.at_scales(likeliest.scales_for(linear.scales)))
     size = np.sqrt(rows.variance + place.mean_variance + errors.conditional_variance(False))
     gaps, reach = [(rows.z - each.mean(False)) / size for each in outlooks], (rows.reach / size)[good]
     residuals = (working_residuals(gap[good], reach).residual for gap in gaps)

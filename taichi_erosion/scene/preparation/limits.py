@@ -336,11 +336,8 @@ def entry_warnings(scene: Scene) -> Iterator[str]:
     if (finest := sizes.size_range(scene.grains)[0]) < DUST:
         yield f"grains of {1e6 * finest:.3g} um are dust, which stays aloft: this wind is of sand that hops"
     search = next((k for k, stage in enumerate(scene.stages) if stage.until == "threshold"), 0)
-    if (
-        search
-        and not scene.threshold.transport
-        and (friction := scene.friction_velocity_of_stage(search - 1))
-    ):
+    rests = search > 0 and not scene.threshold.transport
+    if rests and (friction := scene.friction_velocity_of_stage(search - 1)):
         yield f"the bed settles in a wind of u* = {friction:g} m/s before its threshold is sought"
 
 

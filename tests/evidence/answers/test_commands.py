@@ -20,6 +20,7 @@ from tests.evidence.small_study import LIBRARY, study_text, write_study
 
 PATIENCE = 600.0  # s; the cores may be busy
 NAME = "liquid_bridge"
+DOE = Path(__file__).parents[3] / "doe"
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +95,20 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
 
 
 def test_adoptions_count_in_the_errors_of_the_likeliest_explanation(tmp_path):
-    table = Path(__file__).parents[3] / "doe" / "windkanal_fine.csv"
-    assert main(["study", "new", str(table), "--yes", "--closed-form", "--out", str(tmp_path)]) == 0
+    assert (
+        main(
+            [
+                "study",
+                "new",
+                str(DOE / "windkanal_fine.csv"),
+                "--yes",
+                "--closed-form",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
     sets = {"some": (NAME,), "right": (NAME, "dry_cohesion"), "more": (NAME, "dry_cohesion", "saffman_lift")}
     found = {key: ask("adopt", tmp_path / "windkanal_fine.toml", *names) for key, names in sets.items()}
     before = [reply.record.vault.chi2_per_row_before for reply in found.values()]
@@ -104,6 +117,16 @@ def test_adoptions_count_in_the_errors_of_the_likeliest_explanation(tmp_path):
     assert "what is left is chance" in found["right"].answer().lines[0]
     needless = ["The rows need no" in "".join(reply.answer().lines) for reply in found.values()]
     assert needless == [False, False, True]
+
+
+def test_a_candidate_that_the_model_does_not_know_is_told(tmp_path):
+    (tmp_path / "measured").mkdir()
+    for name in ("my_lab.py", "my_lab.toml", "measured/my_lab.csv"):
+        text = (DOE / name).read_text("utf-8").replace("candidates.side_walls", "candidates.wals")
+        text = text.replace("SCATTER = 0.4", "SCATTER = 0.0")  # else a change of 0 hides in the scatter
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    lines = ask("discover", tmp_path / "my_lab.toml").about["set_up"]
+    assert any("wals changes nothing here" in line for line in lines)
 
 
 def test_in_a_null_nothing_is_named_or_adopted(tmp_path):

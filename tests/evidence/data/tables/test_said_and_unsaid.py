@@ -357,8 +357,9 @@ def test_the_width_between_walls_reaches_the_model(tmp_path):
     assert study.file.conditions["width"] == "width"
     walls = study.problem.model("repose_angle", found.conditions, {}, {"side_walls": 1.0}, np.arange(3))
     assert walls.mean(axis=0)[0] > walls.mean(axis=0)[2] + 4.0
-    free = {"diameter": np.array([1e-4, 1e-2])}  # a heap without walls
-    assert not np.ptp(study.problem.model("repose_angle", free, {}, {"side_walls": 1.0}, np.arange(1)))
+    for width in ({}, {"width": np.zeros(2)}):  # heaps without walls
+        free = {"diameter": np.array([1e-4, 1e-2]), **width}
+        assert not np.ptp(study.problem.model("repose_angle", free, {}, {"side_walls": 1.0}, np.arange(1)))
 
 
 ANGLES = (31.0, 35.0, 38.0, 39.0, 40.0)
