@@ -23,7 +23,7 @@ from taichi_erosion.experiments.anova import anova, curvature_test
 from taichi_erosion.experiments.design import Design, design_csv
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.scene import resolve, scene_hash
-from taichi_erosion.scene.load import parse_scene, read_text_of_file
+from taichi_erosion.scene.load import fault_lines, parse_scene, read_text_of_file
 from taichi_erosion.scene.paths import parse_toml_value
 from taichi_erosion.scene.schema.geometry import Mesh
 
@@ -63,6 +63,7 @@ def calibrate(
     """
     start = time.perf_counter()
     file = read_calibration_study(path)
+    refuse_unmeasured_targets(file)
     calibration = Calibration(file)
     design = calculate.screening_design(file)
     calibration.document = {"study": str(path), "until": until, "design": design_rows_document(design)}
@@ -93,6 +94,19 @@ def calibrate(
         calibration.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
     calibration.document["wall_s"] = time.perf_counter() - start
     return calibration
+
+
+def refuse_unmeasured_targets(file: CalibrationStudy) -> None:
+    """Raise BadInput for targets that their scenes do not measure."""
+    changes, effects = file.study.study.settings, file.effect_files
+    measures = {scene: read_scene(scene, changes, effects).measure for scene in file.scenes}
+    lines = [
+        f"targets.{name}: {scene.name} does not measure {measure}, but {', '.join(measures[scene])}"
+        for name in file.study.targets
+        if (measure := file.measure(name)) not in measures[scene := file.scene(name)]
+    ]
+    if lines:
+        raise BadInput(*fault_lines(file.path.name, lines))
 
 
 def refuse_foreign_calibration(file: CalibrationStudy, until: Step, force: bool) -> None:

@@ -49,6 +49,7 @@ COUNT = re.compile(  # of repeats behind every number of a column
 EMPTY = re.compile(r"\(\s*\)|\[\s*\]|(?<=[(\[])\s*[,;]\s*")
 PERCENT = re.compile(r"\b(?:percent(?:age)?|per cent|pct|prozent|pourcentage|porcentaje)\b", re.IGNORECASE)
 UNIT_SPELLINGS = str.maketrans(dict.fromkeys("⋅∙•×", "·") | dict.fromkeys("{}$", ""))
+FOOTNOTES = str.maketrans("", "", "¹²³⁴⁵⁶⁷⁸⁹⁽⁾")
 RADIAN = (("radian", 1),)
 SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
 VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
@@ -66,6 +67,7 @@ LAWS = {  # of numbers that are no multiple of what they measure: places, units 
     "mesh": ((DIAMETER,), ("mesh", ""), "mm"),
     "tan": (ANGLES, ("", "1", "-"), "deg"),
     "grade": (("conditions.slope",), ("%",), "deg"),
+    "rise": (("conditions.slope",), ("m/m",), "deg"),
     "wet": (("conditions.moisture",), ("%", "1", "-", "kg/kg", "g/g"), ""),
 }
 
@@ -227,8 +229,9 @@ def known_words() -> dict[str, dict[str, tuple[str, ...]]]:
 
 
 def plain_words(text: str) -> str:
-    """A heading without accents, capitals and signs between words."""
-    opened = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss").replace("’", "'"))
+    """A heading without accents, capitals, numbers of footnotes and signs between words."""
+    lower = text.casefold().replace("ß", "ss").replace("’", "'").translate(FOOTNOTES)
+    opened = unicodedata.normalize("NFKD", lower)
     opened = opened.replace("+/-", "±").replace("+-", "±")
     bare = "".join(sign for sign in opened if not unicodedata.combining(sign))
     return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())

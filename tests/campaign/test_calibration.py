@@ -192,10 +192,16 @@ def test_a_wrong_entry_of_a_study_gives_one_clear_line(tmp_path, sections, said)
     assert "study.toml" in line
 
 
-def test_a_parameter_that_the_scene_does_not_know_is_refused_before_anything_runs(tmp_path):
-    strange = STUDY["parameters"] | {"contact.soil-soil.stickiness": {"low": 0.1, "high": 0.2}}
-    with pytest.raises(BadInput, match="stickiness"):
-        calibrate(write_study(tmp_path, parameters=strange), **HERE)
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        ({"parameters": STUDY["parameters"] | {"contact.soil-soil.stickiness": RANGE}}, "stickiness"),
+        ({"observables": {"repose_angle": {"scene": "few.toml", "measure": "base_angle"}}}, "not measure"),
+    ],
+)
+def test_what_the_scene_lacks_is_refused_before_anything_runs(tmp_path, sections, said):
+    with pytest.raises(BadInput, match=said):
+        calibrate(write_study(tmp_path, **sections), **HERE)
 
 
 def test_the_recording_holds_the_table_of_all_runs(found, page):

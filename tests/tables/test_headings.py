@@ -52,7 +52,7 @@ repose_angle: repose_angle_deg_2 -> deg
 conditions.moisture: moisture.content..pct. -> %; w_g_g -> g/g
 conditions.fetch: fetch_m -> m
 conditions.moisture: w (% dry mass) -> %; w [% by mass] -> %; w (% d.b.) -> %
-threshold_u_star: u*tw measured (m/s) -> m/s
+threshold_u_star: u*tw measured (m/s) -> m/s; u*t¹ (m/s) -> m/s
 flux: Measured q (g/m/s) -> g/(m s); Soil transport Q (g/m/s) -> g/(m s)
 conditions.pressure: Chamber pressure, mb (CO2) -> mbar
 """  # meaning: heading -> unit; ...
@@ -72,6 +72,7 @@ angle of repose, mean of 4 (deg) | angle of repose, mean of | deg | 4
 u*t [m/s], 3 replicates | u*t , | m/s | 3
 n = 3 | n = 3 |  | 0
 percent slope | percent slope | deg | 0
+Slope (m/m) | Slope | deg | 0
 percentile d50 | percentile d50 |  | 0
 Schüttwinkel (Mittelwert) [°] | Schüttwinkel (Mittelwert) | ° | 0
 T (C) | T | degC | 0

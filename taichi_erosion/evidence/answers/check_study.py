@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign.ledger import close_ledger
+from taichi_erosion.campaign.calibration import refuse_unmeasured_targets
 from taichi_erosion.campaign.study_file import read_calibration_study, read_study_file
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import stale_faults, table_faults
@@ -36,6 +37,7 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
         for scene in dict.fromkeys(map(calibration.scene, names)):
             faults.of(read_scene, scene, ())
         faults.raise_if_any()
+        refuse_unmeasured_targets(calibration)
         return {"study": str(path), "kind": "calibration", "observables": names}
     study = load_study(path, options)
     examined = [faults.of(examine_file, each) for each in study.effect_files]

@@ -84,7 +84,8 @@ def report_model_failure(name: str, observable: str) -> Iterator[None]:
         with contextlib.redirect_stdout(sys.stderr):  # stdout holds the result and nothing else
             yield
     except KeyError as error:
-        raise BadInput(f"model {name} does not know {error}: check [candidates] and [parameters]") from error
+        sections = "[candidates], [conditions] and [parameters]"
+        raise BadInput(f"model {name} reads {error}, which {sections} of the study lack") from error
     except Exception as error:
         kind = type(error).__name__
         raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error
