@@ -1,6 +1,6 @@
 """Page and recording of an evidence study, from the answers in its results folder.
 
-Answers with the table of the newest one belong together; the others are left out and named. The first screen
+Answers of the present table belong together; the others are left out and named. The first screen
 holds what was found, in a sentence and in one figure. Then follow what is missing, does it hold, and what
 next, each with its lines, tables and figures; the method stands at the end.
 """
@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
+from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Command, Reply, answer_file, read_reply, with_adoption
-from taichi_erosion.evidence.models.load_study import results_folder
+from taichi_erosion.evidence.answers.set_up import stale_faults
+from taichi_erosion.evidence.data.held_out_rows import table_digest
+from taichi_erosion.evidence.models.load_study import load_measurements, results_folder
 from taichi_erosion.evidence.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.evidence.words.answer_lines import ANSWERS, Table, sensitivity_table
@@ -72,7 +75,9 @@ def fields_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     replies, others = current_and_stale_replies(study)
     answers = replies.values()
     first = replies.get("adopt") or next(iter(answers))  # which knows the written study
-    warnings = [*(line for each in answers for line in each.about["set_up"]), page_words.omissions(others)]
+    stale = (f"warning: {each.sentence}" for each in stale_faults(study, read_evidence_study(study)))
+    lines = (line for each in answers for line in each.about["set_up"])
+    warnings = [*lines, *stale, page_words.omissions(others)]
     notes = [line for each in answers for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
     if {"discover", "adopt"} <= set(records):
@@ -93,17 +98,19 @@ def current_and_stale_replies(study: Path) -> tuple[dict[Command, Reply], list[C
 
     Raises BadInput where none says what is missing.
     """
-    folder = folder_of(study)
-    replies, age = {}, {}
+    folder, replies, age = folder_of(study), {}, {}
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
             replies[command] = reply
             age[command] = answer_file(folder, study.stem, command).stat().st_mtime_ns
-    digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
+    file = read_evidence_study(study)
+    effect_files = read_effect_files(file.study.effect_files, study.parent, str(study))
+    digest = table_digest(load_measurements(study, file, effect_files)[1])[:12]
     answers = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
     answers = {name: reply for name, reply in answers.items() if reply.about["digest"] == digest}
     if not set(answers) & set(page_words.LEADING):
-        raise BadInput(f"{study}: has no answer yet; {shell_command('compare', study)} gives the first")
+        state = "no answer to its present table" if replies else "no answer yet"
+        raise BadInput(f"{study}: has {state}; {shell_command('compare', study)} gives the first")
     return answers, [command for command in replies if command not in answers]
 
 

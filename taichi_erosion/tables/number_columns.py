@@ -113,7 +113,7 @@ def why_column_is_no_condition(
 
     A column that differs between repeats, with other values in each group of them, is no condition where
     another one varies, so many rows repeat others that this is no accident, and the results follow it neither
-    there nor it alone.
+    there nor it alone. Few levels far apart are one: those of a treatment.
     """
     distinct, rest = np.unique(values), value_set_numbers([*others.values(), set_ups])
     if np.isnan(values).any():  # a blank cell may stand for none of it, in rows of a set-up of their own
@@ -143,6 +143,7 @@ def why_column_is_no_condition(
         return f"{ALIKE} '{same[0]}' alone"
     is_repeated = values.size - np.unique(rest).size >= REPEATED * values.size
     is_repeated &= any(np.ptp(x) > 0.0 for x in others.values()) and differs_between_groups(values, rest)
+    is_repeated &= 2 * distinct.size > values.size or 2.0 * np.ptp(values) <= abs(values).max()
     if is_repeated and not any(acts_here_or_alone(values, y, others, set_ups) for y in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""

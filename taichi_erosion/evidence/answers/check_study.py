@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.campaign.ledger import close_ledger
 from taichi_erosion.campaign.calibration import refuse_unmeasured_targets
+from taichi_erosion.campaign.ledger import close_ledger
 from taichi_erosion.campaign.study_file import read_calibration_study, read_study_file
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import stale_faults, table_faults
@@ -47,7 +47,7 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
 
 def check_document(study: Study) -> Document:
     measurements = study.problem.measurements
-    faults = (*table_faults(study.problem), *stale_faults(study))
+    faults = (*table_faults(study.problem), *stale_faults(study.path, study.file))
     return {
         "study": str(study.path),
         "kind": "evidence",

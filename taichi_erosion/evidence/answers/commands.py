@@ -56,7 +56,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
         set_up.refuse_unknown_scatter(study)
-        faults = (*study.faults, *set_up.stale_faults(study), *set_up.table_faults(study.problem))
+        faults = (*study.faults, *set_up.stale_faults(path, study.file), *set_up.table_faults(study.problem))
         study = replace(study, faults=faults)
         try:
             yield study

@@ -352,7 +352,10 @@ def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
     if not template.varies:
         if diameter is not None:
             raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
-        interview.assume(f"grain sizes and apparatus are those of the program's scene of {template.words}")
+        column = next((name for name, place in request.places.items() if place == DIAMETER), "")
+        words = f"those of the program's scene of {template.words}"
+        words += f"; column '{column}' does not change them" if column else ""
+        interview.assume(f"grain sizes and apparatus are {words}")
         return [template.diameter]
     for place, (name, unit) in enumerate(zip(request.table.conditions, request.table.units, strict=True)):
         scale = scale_between(unit or "m", parse_unit("m")) if request.places.get(name) == DIAMETER else None

@@ -5,9 +5,11 @@ Faults of runs come from `emulator/training_runs.py`. Where a fault blocks, noth
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
+from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_groups
 from taichi_erosion.evidence.data.held_out_rows import SPARE, distinct_row_count
@@ -31,15 +33,15 @@ def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:
     return any(fault.blocks for fault in faults)
 
 
-def stale_faults(study: Study) -> Iterator[SetUpFault]:
+def stale_faults(study_path: Path, file: StudyFile) -> Iterator[SetUpFault]:
     """The laboratory's table, where it has changed since the study was made of it.
 
     `study new` corrects the table that adopted studies share, and writes its digest into the first of them.
     """
-    path, first = first_study_of_adoptions(study.path, study.file)
-    same = first.study.measurements == study.file.study.measurements and path.parent == study.path.parent
-    head = first.study if same else study.file.study
-    source = study.path.parent / (head.made_from or "")
+    path, first = first_study_of_adoptions(study_path, file)
+    same = first.study.measurements == file.study.measurements and path.parent == study_path.parent
+    head = first.study if same else file.study
+    source = study_path.parent / (head.made_from or "")
     if source.is_file() and laboratory_table_digest(source) != head.made_from_digest:
         yield SetUpFault("source_changed", "table", FAULTS["source_changed"].format(source.name), False)
 

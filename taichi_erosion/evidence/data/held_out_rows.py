@@ -2,8 +2,8 @@
 
 The split follows from the table alone: units of hold-out are drawn in the order of a digest of their
 content, so that neither the order of rows nor a second try moves it. A table that is corrected later keeps
-the digest from which its rows were drawn (`drawn_from`): the rows of that draw stay what they were, and only
-the units that came later are drawn.
+the digest from which its rows were drawn (`drawn_from`): the rows of that draw stay what they were, and what
+came later, such as measurements that were proposed, is fitted, unless its unit is held out or nothing was.
 """
 
 import json
@@ -52,7 +52,7 @@ def draw_vault(
     digest = table_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
     visible, settled = earlier_vault(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
-    order = [unit for unit in dict.fromkeys(units) if unit not in settled]
+    order = [unit for unit in dict.fromkeys(units) if unit not in settled and not visible.any()]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
     ends = units_at_ends(measurements, units, ~inside)
     order.sort(key=lambda unit: unit in ends)  # those come last

@@ -46,6 +46,7 @@ from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, meaning_o
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
+DAY = "day"  # the condition that dates become
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
 ATTENUATION = 0.05  # share of a slope that errors of a measured condition may take before it is told
@@ -126,7 +127,7 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
         several = bool(days) and not has_scatter and varies_among_repeats(column, columns)
         if max(days, default=0) and not several:
             interview.assume(f"column '{column[0]}' counts days since its first date")
-            column[:] = "day (d)", *map(str, days)
+            column[:] = f"{DAY} (d)", *map(str, days)
             break
         if several or (not days and any(map(DATE.fullmatch, column[1:]))):
             why = "repeats have several dates" if several else "no dates, or day and month may be exchanged"

@@ -22,6 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     SetUpFault,
     Vault,
 )
+from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.models import plugin as plugins
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.run_store import FILE, FunctionModel, RunStore
@@ -105,14 +106,21 @@ class StudyModel:
     unread: Mapping[str, str] = field(default_factory=dict)  # conditions that change no run -> what to do
 
 
+def load_measurements(
+    path: Path, file: StudyFile, effect_files: tuple[EffectFile, ...]
+) -> tuple[Table, Measurements, list[str]]:
+    """Table of a study, its rows in the units of the model, and notes on them. Raises BadInput."""
+    table = read_measured_table(path.parent / file.study.measurements, file.study.measurements, file)
+    return table, *study_measurements(table, file, str(path), condition_units(file, path, effect_files))
+
+
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
     study_document = read_evidence_study(path)
     file = override_by_options(study_document, options)
     effect_files = read_effect_files(file.study.effect_files, path.parent, str(path))
     files = tuple(dict.fromkeys((*effect_files, *read_effect_files(options.effect_files))))
-    table = read_measured_table(path.parent / file.study.measurements, file.study.measurements, file)
-    measurements, notes = study_measurements(table, file, str(path), condition_units(file, path, files))
+    table, measurements, notes = load_measurements(path, file, files)
     if impossible := list(impossible_study_values(table, file, path.parent)):
         raise BadInput(*impossible)
     results, digest = results_folder(path, file), table_digest(measurements)

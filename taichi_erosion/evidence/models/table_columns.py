@@ -11,7 +11,7 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import column_options, condition_scales, value_faults
+from taichi_erosion.evidence.data.measured import DAY, column_options, condition_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column, Interview
 from taichi_erosion.evidence.data.tables.interview import understand_columns
@@ -103,6 +103,11 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
         place = path if scenes else f"conditions.{path}"
         allowed = range_at(place) if scenes or unit else None
         yield from value_faults(table, name, allowed, value, usual=bool(scenes))
+        factor = 1.0 if scenes or not allowed else parse_scale(allowed.unit).factor  # a function counts in SI
+        for end in file.laboratory.ranges.get(name, ()):
+            if allowed and not allowed.is_possible(end / factor):
+                span = f"[{allowed.low:g}, {allowed.high:g}] {allowed.unit}"
+                yield f"laboratory.ranges.{name}: {end:g} is outside {span}" + ", in SI" * (factor != 1.0)
     for name, entry in file.observables.items():
         yield from value_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
@@ -200,13 +205,13 @@ def condition_rows(cells: Cells, columns: Mapping[str, Column], faults: Faults) 
 
 
 def only_value_of_condition(cells: Cells, name: str, measurements: Measurements) -> float:
-    """The study's only value of a condition that the table leaves out; raises BadInput for several."""
+    """The study's only value of a condition that the table leaves out, or its last day; raises BadInput."""
     column = measurements.conditions[name]
     values = np.unique(column[np.isfinite(column)])
-    if values.size > 1:
+    if values.size > 1 and name != DAY:
         span = " to ".join(measurements.table_units.condition_text(name, float(values[k])) for k in (0, -1))
         raise BadInput(f"{cells.file}: no column sets {name}, which the study varies from {span}; add it")
-    return float(values[0]) if values.size else np.nan
+    return float(values[-1]) if values.size else np.nan
 
 
 def rows_and_observables_wanted(cells: Cells, observables: Sequence[str]) -> list[tuple[int, str]]:

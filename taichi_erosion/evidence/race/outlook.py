@@ -292,7 +292,7 @@ def leave_one_out_shares(posterior: Posterior) -> Floats:
 def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> HeldOutPart | None:
     """Misfit of held-out rows by nothing, by the likeliest explanation, with `names`, and by another effect.
 
-    The other one is drawn by the seed. None without held-out rows.
+    The other one is drawn by the seed. None without held-out values: limits alone confirm nothing.
     """
     race = posterior.race
     rows = held_out_rows(race.prepared)
@@ -305,7 +305,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     place, chosen = joint_rows(race, rows), [Hypothesis(()), best, *wrong]
     outlooks = [outlook(place, race.fits[h]) for h in chosen]
     good = np.all([np.isfinite(each.start) for each in outlooks], axis=0)
-    if not good.any():
+    exact = good & ~rows.censored
+    if not exact.any():
         return None
     # a wrong model expects large errors, so that they are those of the likeliest explanation of all
     share, linear = race.posterior_probabilities(), outlooks[1].solution.rows
@@ -315,7 +316,6 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     gaps, reach = [(rows.z - each.mean(False)) / size for each in outlooks], (rows.reach / size)[good]
     residuals = (working_residuals(gap[good], reach).residual for gap in gaps)
     before, after, *other = (float(np.mean(each**2)) for each in residuals)
-    exact, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after = predicted_misfit_p_value(place, rows.z - outlooks[1].mean(False), errors, exact)
     change = (outlooks[1].mean(False) - outlooks[0].mean(False)) / size
     p_worse = p_of_small_misfit_change(change[exact], gaps[1][exact])
@@ -326,7 +326,9 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     corrected = np.abs(gaps[1][:, np.newaxis] - slips_of_decimal_point(rows, size))
     is_slip = (np.nanmin(corrected, axis=1, initial=np.inf) < SLIP_GAP) & (np.abs(gaps[1]) > BAD_SD[0])
     slips = tuple(rows.lines[k][0] for k in np.flatnonzero(is_slip))
-    return HeldOutPart(*misfits, p_after, p_worse, opened, tuple(names), name, alike, slips)
+    return HeldOutPart(
+        *misfits, p_after, p_worse, race.prepared.problem.vault.opened + 1, tuple(names), name, alike, slips
+    )
 
 
 def predicted_misfit_p_value(place: JointRows, gaps: Floats, errors: Outlook, good: Bools) -> float:

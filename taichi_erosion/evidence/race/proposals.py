@@ -5,20 +5,21 @@
 y_x is the outcome of a measurement x of one observable, y_c those of the measurements chosen before, k the
 explanations with probabilities q_k, each a normal distribution of all outcomes together, conditioned on the
 rows that are known (`outlook`). Expectations are over mirrored draws. Settings are those that were measured
-and a central composite design over the ranges.
+and a central composite design over the ranges; days that have passed cannot be measured again.
 
 References: Lindley (1956), Ann. Math. Stat. 27, 986; Box & Hill (1967), Technometrics 9, 57 (information on
 which model holds); Box & Wilson (1951), J. R. Stat. Soc. B 13, 1 (central composite design).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import hadamard
 from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.measured import DAY
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
@@ -56,7 +57,7 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
     place = joint_rows(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
     rivals = [rival_at_rows(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
-    design = best_design(rivals, cost)
+    design = best_design(clip_to_least_values(rivals, least_values(race.prepared.rows)[rows.which]), cost)
     return tuple(experiment_record(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
 
@@ -96,6 +97,23 @@ def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Ri
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
 
 
+def least_values(rows: ComparisonRows) -> Floats:
+    """Least measured value of each observable that may be none, on the comparison scale; -inf of others."""
+    least = [np.min(rows.z[rows.which == k]) for k in range(len(rows.observables))]
+    amounts = [each.transform == "log_floor" for each in rows.observables]
+    return np.where(amounts, least, -np.inf)
+
+
+def clip_to_least_values(rivals: Sequence[Rival], least: Floats) -> list[Rival]:
+    """Rivals that expect the `least` value (m,) where they expect less: below it none is seen."""
+    smallest, clipped = np.diag(np.min([np.diag(each.covariance) for each in rivals], axis=0)), list[Rival]()
+    for each in rivals:
+        unseen = each.mean < least
+        covariance = np.where(unseen[:, np.newaxis] | unseen, smallest, each.covariance)
+        clipped.append(replace(each, mean=np.maximum(each.mean, least), covariance=covariance))
+    return clipped
+
+
 def experiment_record(
     rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
 ) -> ExperimentPart:
@@ -104,7 +122,8 @@ def experiment_record(
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
         expected[name_of_hypothesis(each.hypothesis)] = interval_in_unit(observable, z)
-    conditions = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
+    stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
+    conditions = {name: value for name, value in stated.items() if name != DAY}
     return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 
 
@@ -123,6 +142,7 @@ def settings(rows: ComparisonRows, indices: Integers, ranges: Mapping[str, tuple
     table = np.column_stack(list(rows.conditions.values()))
     is_stated = np.isfinite(table[indices]).any(axis=0)
     measured = [(np.nanmin(column), np.nanmax(column)) for column in table.T]
+    measured = [(b if n == DAY else a, b) for n, (a, b) in zip(rows.conditions, measured, strict=True)]
     low, high = np.array([ranges.get(n, each) for n, each in zip(rows.conditions, measured, strict=True)]).T
     middle = np.where(low > 0.0, np.sqrt(np.abs(low * high)), 0.5 * (low + high))
     middle = np.clip([float(f"{each:.2g}") for each in middle], low, high)

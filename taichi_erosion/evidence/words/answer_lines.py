@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.evidence import record as records
+from taichi_erosion.evidence.data.measured import DAY
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.record import Interval, Record
@@ -223,30 +224,40 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
-        ends = {name: [x.min(), 2.0 * x.max() - x.min()] for name, x in record.rows.conditions.items()}
-        for name, possible in ((name, range_at(f"conditions.{name}")) for name in ends):
-            ends[name][1] = min(ends[name][1], possible.high if possible else inf)
-        ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
         sets = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}
         share = sum(p for names, p in sets.items() if names >= max(sets, key=lambda each: sets[each]))
         chance = say.probability_text(share)
         words = f"One explanation has probability {chance}; measurements are proposed where more are left."
-        if share < SURE:
+        if record.refuted:
+            words = f"The rows do not agree with the likeliest explanation (probability {chance})."
+        elif share < SURE:
             words = "No measurement in the present ranges separates the explanations."
-        if ranges:
-            words += f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}."
+        words += other_ranges_text(record, voc)
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim_answer(Answer((words,), (), (), None), record)
     leading, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
     names = [*map(explanation_name, leading), *([count_noun(more, "other explanation")] if more > 0 else [])]
     words = say.join_words(names, "from" if len(names) == 2 else "and")
-    last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
+    reading = "Add the new rows to the table, read it again with `study new`"
+    last = f"{reading}, and run {voc.command('discover', voc.study)} again."
     expects = (f"expected by {explanation_name(key)}" for key in leading)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_table_row(each, leading, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
     return trim_answer(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
+
+
+def other_ranges_text(record: Record, voc: say.Vocabulary) -> str:
+    """How to have measurements proposed beyond the present conditions, up to twice as far."""
+    columns = {name: x for name, x in record.rows.conditions.items() if x.min() < x.max() and name != DAY}
+    possible = {name: range_at(f"conditions.{name}") for name in columns}
+    limits = {name: (each.usual or (0.0, each.high))[1] for name, each in possible.items() if each}
+    ends = {n: (x.min(), min(2.0 * x.max() - x.min(), limits.get(n, inf))) for n, x in columns.items()}
+    spans = [f"{n} {' to '.join(voc.units.condition_text(n, x) for x in each)}" for n, each in ends.items()]
+    ranges = ", ".join(f"{toml_key(name)} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items())
+    words = f" To look at {say.join_words(spans)}, add to {voc.study}: [laboratory] ranges = {{ {ranges} }}."
+    return words if ends else ""
 
 
 def explanation_name(key: str) -> str:

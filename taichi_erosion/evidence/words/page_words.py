@@ -59,7 +59,7 @@ def page_lines(answers: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[st
 
 
 def omissions(commands: Iterable[str]) -> str:
-    """Answers that rest on another table than the newest one; empty where there are none."""
+    """Answers that rest on another table than the present one; empty where there are none."""
     names = join_words(f"`{name}`" for name in commands)
     return f"Left out, for they rest on another version of the table: answers of {names}." if names else ""
 
