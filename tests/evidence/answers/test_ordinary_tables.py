@@ -10,11 +10,12 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
+from taichi_erosion.evidence.answers.predictions import predict_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.race.blocks import AND, smooth_columns
 from taichi_erosion.evidence.race.search import can_make_change
-from tests.evidence.asking import SILENT, ask
+from tests.evidence.asking import SILENT, ask, no_progress
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
 ANGLE = {"angle of repose": "0.8 deg"}
@@ -231,6 +232,20 @@ def test_medium_sand_is_no_mean_and_a_mean_is_refused(tmp_path):
     assert study_of(tmp_path, "", table).problem.measurements.size == 3
     with pytest.raises(BadInput, match="sums up others"):
         study_of(tmp_path, "", [table[0], *sands])
+
+
+def test_no_day_that_has_passed_is_proposed_and_predictions_are_for_the_last_one(tmp_path):
+    grid = enumerate((d, w) for d in (0.1, 0.2, 0.4, 0.8) for w in (0, 1, 2))
+    rows = [f"{3 + k // 4}.5.2024;{d};{w};{43 * d**0.5 * (1 + w / 9):.2f};0.9;3" for k, (d, w) in grid]
+    path = study_of(tmp_path, "", ["day;d (mm);moisture (%);u*t (cm/s);SD;n", *rows]).path
+    proposed = ask("next", path).record.next_experiments
+    assert proposed
+    assert not any("day" in each.conditions for each in proposed)
+    (tmp_path / "at.csv").write_text("d (mm),moisture (%)\n0.4,1\n", "utf-8")
+    predict_study(path, tmp_path / "at.csv", no_progress)
+    path.write_text(f"{path.read_text('utf-8')}[laboratory]\nranges = {{ diameter = [0.1, 2.0] }}\n", "utf-8")
+    with pytest.raises(BadInput, match=r"laboratory.ranges.diameter: 0.1 is outside \[.*\] m"):
+        load_study(path)
 
 
 def test_one_condition_that_bends_does_not_show_the_trend_of_another(tmp_path):

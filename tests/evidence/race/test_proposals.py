@@ -12,7 +12,7 @@ from taichi_erosion.evidence.race.decision import decide_cause
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.proposals import LEAST, Rival, best_design, proposals
+from taichi_erosion.evidence.race.proposals import LEAST, Rival, best_design, clip_to_least_values, proposals
 from taichi_erosion.evidence.record import ExperimentPart
 from tests.evidence.linear_study import linear_problem
 
@@ -61,6 +61,11 @@ def test_the_most_informative_measurement_for_its_cost_comes_first():
 def test_nothing_that_separates_two_by_0_2_sd_is_proposed():
     assert best_design(rivals([0.0] * 30, [0.2] * 30), np.ones(30)) == []
     assert [at for at, _ in best_design(rivals([0.0] * 30, [3.0] + [0.2] * 29), np.ones(30))] == [0]
+
+
+def test_amounts_below_the_least_that_is_seen_tell_nothing():
+    seen = clip_to_least_values(rivals([-9.0, 0.0], [-4.0, 3.0]), np.full(2, -1.0))
+    assert [at for at, _ in best_design(seen, np.ones(2))] == [1]
 
 
 def test_after_a_measurement_with_a_common_error_comes_one_that_cancels_it():

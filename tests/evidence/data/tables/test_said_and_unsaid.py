@@ -171,6 +171,7 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
         ("room (°C)", (20.1, 20.4, 19.8, 21.1, 20.2, 19.9, 20.6, 21.2), False),  # tells repeats apart
         ("humidity (%)", (36, 51, 64, 82, 49, 66, 79, 36), False),  # repeats do not follow it
         ("salt content (g/kg)", (0, 5, "", 5, 0, 5, 0, 5), False),
+        ("crust (kPa)", (0, 5, 20, 2, 5, 20, 2, 0), True),  # a treatment of four levels
     ],
 )
 def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_path, heading, values, kept):
