@@ -137,14 +137,18 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
 
 
 def varies_among_repeats(column: Sequence[str], columns: Sequence[Sequence[str]]) -> bool:
-    """Whether rows that are alike in all known conditions, set-ups and sources have several values."""
+    """Whether most rows that are alike in all known conditions, set-ups and sources have several values."""
     settings: list[Sequence[str]] = [[""] * (len(column) - 1)]
     for other in columns:
         heading = read_heading(other[0])
         roles = meaning_of(heading.name)[0], meaning_of_symbol(heading)[0]
         labels = {"group", "source"} & {*roles} and len({*other}) < len(other)  # not numbers of samples
         settings += [other[1:]] if "condition" in roles or labels else []
-    return len({*zip(*settings, column[1:], strict=True)}) > len({*zip(*settings, strict=True)})
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for key, value in zip(zip(*settings, strict=True), column[1:], strict=True):
+        alike.setdefault(key, []).append(value)
+    several = [len({*values}) > 1 for values in alike.values() if len(values) > 1]
+    return 2 * sum(several) > len(several)
 
 
 def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:
