@@ -165,7 +165,6 @@ def box_of_most_grains(replicas: ti.template(), r, low, high, total, squares):
 
 @ti.func
 def fit_grid_to_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
-    """Grid of replica r around its grains."""
     low, high, total, squares = box_and_position_sums(grains, replicas, r, 0, replicas.released[r])
     low, high = box_of_most_grains(replicas, r, low, high, total, squares)
     divide_box_into_cells(cells_out, replicas, r, low, high)

@@ -110,21 +110,15 @@ def verlet_skin(replicas: ti.template(), r, radius, speed):
 
 
 @ti.func
-def does_skin_exceed_cells(world: ti.template(), r, i):
-    """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
-    radius = world.grains.radius[i]
-    width = unlimited_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
-    return ti.cast(radius + width > world.replicas.cell_reach[r], ti.i32)
-
-
-@ti.func
 def count_wide_grains(world_out: ti.template(), r):
-    """Set `crowded` where too many grains would reach beyond adjacent cells."""
+    """Set `crowded` where too many grains want skins that reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wide += does_skin_exceed_cells(world_out, r, i)
+        radius = grains.radius[i]
+        width = unlimited_skin(replicas_out, r, radius, grains.velocity[i].norm())
+        wide += ti.cast(radius + width > replicas_out.cell_reach[r], ti.i32)
     replicas_out.crowded[r] = ti.cast(wide > ti.max(WIDE_MOST, replicas_out.released[r] // CROWD), ti.i32)
 
 

@@ -100,16 +100,6 @@ def pair_effect_force(world_out: ti.template(), batch: ti.template(), n, r, base
 
 
 @ti.func
-def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
-    """Add the force of the pair effects to both grains of lane n."""
-    (grains_out,) = ti.static((world_out.grains,))
-    force = pair_effect_force(world_out, batch, n, r, base)
-    action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
-    grains_out.force[action] = grains_out.force[action] + force
-    grains_out.force[reaction] = grains_out.force[reaction] - force
-
-
-@ti.func
 def pair_random_number(first, second):
     """Uniform random number in [0, 1) that belongs to a pair of grains, in either order."""
     low, high = ti.cast(ti.min(first, second), ti.u32), ti.cast(ti.max(first, second), ti.u32)
@@ -227,8 +217,8 @@ def overlap_length_scale(batch: ti.template(), n):
 
 @ti.func
 def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """Apply the contact in lane n to its grains."""
-    buffer = first_force_place(world_out.grains, world_out.replicas, r, p)
+    (grains_out,) = ti.static((world_out.grains,))
+    buffer = first_force_place(grains_out, world_out.replicas, r, p)
     size = overlap_length_scale(batch, n)
     report_deep_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
@@ -237,7 +227,10 @@ def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, ba
         clear_history(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
         if do_pair_effects_act(world_out.materials, world_out.pairs, batch.entry[n]):
-            apply_pair_effects(world_out, batch, n, r, base, buffer)
+            force = pair_effect_force(world_out, batch, n, r, base)
+            action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
+            grains_out.force[action] = grains_out.force[action] + force
+            grains_out.force[reaction] = grains_out.force[reaction] - force
     if ti.static(world_out.sleeps):
         record_sleep_change(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 

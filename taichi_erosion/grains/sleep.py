@@ -74,7 +74,6 @@ def copy_sleep_state(sleep_out: ti.template(), k, i):
 
 @ti.func
 def set_awake(sleep_out: ti.template(), i):
-    """Sleep state of a grain that is released: awake."""
     for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[i] = 0 * field_out[i]
 

@@ -153,7 +153,6 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
-    """Fields of clocks and counters."""
     signals = "status spins_most late pause"  # the last three of a team
     counts = "released removes leaving removed"
     skins = "skin_least skin_most skin_time cell_reach extent_most reach met_reach wall_travel"

@@ -193,7 +193,6 @@ def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 @ti.func
 def apply_wall_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """Apply the contact in lane n to its grain."""
     rank, radius = batch.owner[n], batch.radius_i[n]
     report_deep_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
     force = add_wall_force(
