@@ -43,7 +43,6 @@ from taichi_erosion.scene import Scene, laws, replica_setup
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.preparation.fill import pour_with_inlets_open
 from taichi_erosion.scene.preparation.setup import append_grains_by_release
-from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.saved_state import remove_grains_from_state
 
@@ -217,12 +216,10 @@ def change_entry(session: Session, path: str, value: str) -> str:
 
 
 def warnings_of_present_scene(session: Session) -> list[str]:
-    """What a run of the present scene would warn of."""
     return checks.setup_report(session.scene, session.effect_files)["warnings"]
 
 
 def names_of_changed_fields(before: Any, after: Any) -> list[str]:
-    """Names of the fields in which two models differ."""
     return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
 
 
@@ -232,9 +229,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     if effective.laws != simulation.effective_scene(session.scene, session.library or library).laws:
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
     simulation.set_contacts(sim, 0, contact_table(effective))
-    x, y, z = unit_vector(effective.gravity.direction)
-    g = effective.gravity.magnitude
-    sim.setups[0] = replace(sim.setups[0], gravity=(g * x, g * y, g * z))
+    sim.setups[0] = replace(sim.setups[0], gravity=effective.gravity.vector)
     simulation.set_replica_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and effective.wind is not None:
         simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
