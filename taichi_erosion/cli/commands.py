@@ -164,7 +164,7 @@ def run(
     for line in run_warnings(document):
         LOG.warning(line)
     output.print_result(document, as_json, lambda result: output.print_run(result, verbose))
-    if any(replica["stopped"] for replica in document["replicas"]):
+    if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
 
 
@@ -212,11 +212,10 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     def print_text(record: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {record['hash']}")
-        limits = record["limits"]
-        if "steps_most" in limits:
+        if (limits := record.get("limits", {})) and "steps_most" in limits:
             typer.echo(f"time step {limits['time_step']:.3g} s, at most {limits['steps_most']:,} steps")
         output.print_lines(output.effect_check_lines(record["effects"]))
-        output.print_lines(limits["warnings"], output.WARNING)
+        output.print_lines(limits.get("warnings", ()), output.WARNING)
         output.print_lines(set_up_consequences(record))
 
     output.print_result(document, as_json, print_text)
@@ -409,7 +408,7 @@ def verify(
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
     from taichi_erosion.verification import closed_forms
-    from taichi_erosion.verification.claims import verify_claims as verify_claims
+    from taichi_erosion.verification.claims import verify_claims
 
     def print_verdict(claim: "Claim") -> None:
         typer.echo(f"{claim.id} {output.claim_mark(claim.passed)}: {claim.claim}", err=True)

@@ -187,7 +187,6 @@ def divide_box_into_cells(cells_out: ti.template(), replicas: ti.template(), r, 
 
 @ti.func
 def cell_of_grain(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
-    """Number of the cell of the grain at place i."""
     place = cell_coordinates(cells, r, wrapped_position(grains, replicas, r, i))
     return cell_index(arrange_along_axes(cells, r, cells.number[r]), place)
 

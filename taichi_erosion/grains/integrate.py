@@ -10,7 +10,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.sleep import hold_sleeping_grain
-from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_start
+from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, side_start
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
@@ -20,8 +20,7 @@ def add_partition_buffers(world_out: ti.template(), r, p):
     """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     block = first_force_place(grains_out, replicas, r, p)
-    first = partition_first_rank(replicas, r, p)
-    last = partition_first_rank(replicas, r, p + 1)
+    first, last = replicas.bounds[r, p], replicas.bounds[r, p + 1]
     for q in range(replicas.partitions[r]):
         if q != p:
             other = first_force_place(grains_out, replicas, r, q)
@@ -93,8 +92,7 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
     buffer = first_force_place(grains, replicas, r, p)
     kick = kick_duration(replicas, r, step)
     need = 0
-    first = partition_first_rank(replicas, r, p)
-    for rank in range(first, partition_first_rank(replicas, r, p + 1)):
+    for rank in range(replicas.bounds[r, p], replicas.bounds[r, p + 1]):
         place = ti.select(is_last, r * grains.capacity + rank, -1)
         need = need | advance_if_awake(world_out, r, base + rank, buffer + rank, kick, place)
     return need

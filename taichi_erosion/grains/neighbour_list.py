@@ -67,13 +67,7 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: i
 
 
 @ti.func
-def side_first_entry(pairs: ti.template(), r, side):
-    return (2 * r + side) * pairs.capacity
-
-
-@ti.func
 def entry_count(pairs: ti.template(), i):
-    """Entries of the grain at place i."""
     return (pairs.stop[i] - pairs.start[i]) // pairs.stride
 
 

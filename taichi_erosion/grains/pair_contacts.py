@@ -17,7 +17,7 @@ from taichi_erosion.grains.simd_batch import (
     store_history,
 )
 from taichi_erosion.grains.sleep import first_awake_entry, record_sleep_change
-from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_start
+from taichi_erosion.grains.state import first_force_place, side_start
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
 STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of a 32-bit number
@@ -239,8 +239,7 @@ def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, ba
 def add_pair_forces(world_out: ti.template(), r, p):
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_start(grains, r, replicas.side[r])
-    first = partition_first_rank(replicas, r, p)
-    last = partition_first_rank(replicas, r, p + 1)
+    first, last = replicas.bounds[r, p], replicas.bounds[r, p + 1]
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     row = replicas.pair_row[r]

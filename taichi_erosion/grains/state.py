@@ -170,14 +170,9 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
 
 
 @ti.func
-def side_start(grains: ti.template(), r, side):
-    """First place of one side of replica r."""
-    return (2 * r + side) * grains.capacity
-
-
-@ti.func
-def partition_first_rank(replicas: ti.template(), r, p):
-    return replicas.bounds[r, p]
+def side_start(record: ti.template(), r, side):
+    """First place of one side of replica r: of the grains, or the first entry of a list."""
+    return (2 * r + side) * record.capacity
 
 
 @ti.func
