@@ -225,8 +225,7 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "mass_flow": lambda e: mass_flow.mass_flow_rate(
         e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
     ),
-    "solid_fraction": measure_of_profile("solid_fraction"),
-    "lateral_stress_ratio": measure_of_profile("lateral_stress_ratio"),
+    **{name: measure_of_profile(name) for name in ("solid_fraction", "lateral_stress_ratio")},
     "settling_velocity": lambda e: wind_bed.mean_settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),

@@ -296,10 +296,6 @@ def measure_now(session: Session) -> dict[str, Measurement]:
     return apply_instruments(measurements, scene, session.library)
 
 
-def keep_session_and_grains(session: Session) -> Kept:
-    return copy_session_lists(session), simulation.export_state(session.sim)
-
-
 def copy_session_lists(session: Session) -> Session:
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
@@ -317,7 +313,7 @@ def keep_state_if_due(session: Session, is_due: bool = False) -> None:
     while states and (states[-1][0].time > here[0] or (states[-1][0].time, revision(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
-        states.append(keep_session_and_grains(session))
+        states.append((copy_session_lists(session), simulation.export_state(session.sim)))
         if bytes_of_kept_states(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
             states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or revision(a[0]) != revision(b[0])]
@@ -345,7 +341,7 @@ def undo_latest_change(session: Session) -> None:
 
 
 def save_state_as(session: Session, name: str) -> None:
-    session.saved[name] = keep_session_and_grains(session)
+    session.saved[name] = copy_session_lists(session), simulation.export_state(session.sim)
 
 
 def restore_saved_state(session: Session, name: str) -> None:

@@ -90,8 +90,6 @@ def model_matrix(coded: ArrayLike, terms: Sequence[Term]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model."""
-
     response: str
     factors: tuple[Factor, ...]
     terms: tuple[Term, ...]
