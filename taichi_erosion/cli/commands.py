@@ -276,10 +276,12 @@ def view(
     web: Annotated[bool, flag("--web", "Serve a page for a browser on this machine.")] = False,
 ) -> None:
     """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
-    from taichi_erosion.recording.viewer import open_viewer, serve_web_viewer
-
     if not web:
+        from taichi_erosion.recording.viewer import open_viewer
+
         raise typer.Exit(open_viewer(recording_to_view(file)))
+    from taichi_erosion.recording.viewer import serve_web_viewer
+
     with serve_web_viewer(recording_to_view(file)) as served:
         typer.echo(f"{served.instructions}\nCtrl-C ends it", err=True)
         try:

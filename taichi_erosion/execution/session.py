@@ -167,7 +167,7 @@ def run_for_seconds(session: Session, seconds: float) -> None:
     run_until_time(session, session.time + seconds)
 
 
-def run_session_steps(session: Session, steps: int = 1) -> None:
+def run_session_steps(session: Session, steps: int) -> None:
     run_until_time(session, session.time + steps * session.time_step)
 
 
@@ -247,7 +247,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     return "at once" if state is None else "after building the effect in"
 
 
-def insert_grains(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
+def insert_grains(session: Session, count: int, at: Sequence[float], inlet: str) -> None:
     """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
     keep_state_if_due(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]

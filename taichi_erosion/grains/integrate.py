@@ -41,22 +41,6 @@ def kick_duration(replicas: ti.template(), r, step):
 
 
 @ti.func
-def accelerations(world_out: ti.template(), r, i, buffer):
-    """Acceleration [m s-2] and spin rate [rad s-2] of the grain at place i; clears its buffer."""
-    grains_out, frozen = ti.static((world_out.grains, world_out.frozen_drag))
-    inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
-    gravity = world_out.replicas.gravity[r]
-    acceleration = grains_out.force[buffer] * inverse + gravity
-    spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
-    grains_out.force[buffer] = 0.0 * gravity
-    grains_out.torque[buffer] = 0.0 * gravity
-    if ti.static(world_out.has_external_forces):
-        acceleration += frozen.steady_acceleration[i]
-        spin_rate += frozen.steady_spin_rate[i]
-    return acceleration, spin_rate
-
-
-@ti.func
 def record_rates(grains_out: ti.template(), place, acceleration, spin_rate):
     """Record the rates of the last step of a launch; at place -1 nothing."""
     if place >= 0:
@@ -66,12 +50,20 @@ def record_rates(grains_out: ti.template(), place, acceleration, spin_rate):
 
 @ti.func
 def kick_and_drift_grain(world_out: ti.template(), r, i, buffer, kick, place):
-    """Kick and drift the grain at place i; returns REBUILD where it has left its skin."""
-    (grains_out,) = ti.static((world_out.grains,))
-    acceleration, spin_rate = accelerations(world_out, r, i, buffer)
+    """Kick and drift the grain at place i, and clear its buffer; returns REBUILD where it left its skin."""
+    grains_out, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
+    inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
+    gravity = world_out.replicas.gravity[r]
+    acceleration = grains_out.force[buffer] * inverse + gravity
+    spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
+    grains_out.force[buffer] = 0.0 * gravity
+    grains_out.torque[buffer] = 0.0 * gravity
+    if ti.static(world_out.has_external_forces):
+        acceleration += frozen_out.steady_acceleration[i]
+        spin_rate += frozen_out.steady_spin_rate[i]
     velocity = grains_out.velocity[i] + acceleration * kick
     if ti.static(world_out.has_external_forces):
-        velocity = velocity_after_drag(world_out.frozen_drag, i, velocity, kick)
+        velocity = velocity_after_drag(frozen_out, i, velocity, kick)
         acceleration = (velocity - grains_out.velocity[i]) / kick
     shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]
     grains_out.velocity[i] = velocity
