@@ -434,10 +434,12 @@ def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
         if count < COLUMNS_LEAST or count % 2:
             yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
     paths = ["wind.through_flow"] if wind.through_flow else []
-    for path in paths + paths_of_stage_entries(scene, "through_flow", "steady_air"):
+    for path in paths + paths_of_stage_entries(scene, "through_flow"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     for name in OF_ONE_COLUMN:
         if name in scene.measure:
             yield f"measure.{name} reads a single column of air; leave wind.columns out"
+    for path in paths_of_stage_entries(scene, "steady_air"):
+        yield f"{path} needs a single column of air; leave wind.columns out"
     if "turbulent_gusts" in scene.effects and wind.closure != "mixing_length":
         yield "effects.turbulent_gusts: the grid has gusts of its own; leave the effect or the eddies out"
