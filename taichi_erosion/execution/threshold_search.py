@@ -105,9 +105,9 @@ def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> Th
     """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
     first = transport or first_wind(scene)
-    trial = begin_trial(sim, replica, first, time)
+    bed, trial = export_bed(sim, replica), begin_trial(sim, replica, first, time)
     spin_up_wind(sim, replica, first)
-    return ThresholdSearch(scene, export_bed(sim, replica), trial, "start" if transport else "ramp")
+    return ThresholdSearch(scene, bed, trial, "start" if transport else "ramp")
 
 
 def first_wind(scene: Scene) -> float:
