@@ -233,7 +233,6 @@ def print_study_content(document: Record) -> None:
 
 
 def cost_line(name: str, record: Record) -> str:
-    """What an answer costs, in one line."""
     minutes = record.get("core_minutes")
     cores = "" if minutes is None else f" ({plain(minutes)} core-minutes)"
     return f"cost with --budget {name}: {record['sentence'].rstrip('.')}{cores}"

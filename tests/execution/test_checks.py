@@ -8,8 +8,7 @@ from small_scene import TAPPED, WET, write_scene
 
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.execution import check_scene
-from taichi_erosion.execution.checks import comparable, compatibility_key, read_scene
-from taichi_erosion.scene.load import load_air_scene
+from taichi_erosion.execution.checks import comparable, compatibility_key, load_air_scene, read_scene
 
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
