@@ -178,7 +178,7 @@ def effect_document(fit: fits.Fit, labels: Mapping[str, str]) -> Document:
     ordered = sorted(effect_list, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": fits.term_label(effect.name, labels)} for effect in ordered],
-        "limits": asdict(limits),
+        "limits": limits,
         "curvature": None if bent is None else asdict(bent),
         "quality": asdict(fits.figures_of_merit(fit)),
     }

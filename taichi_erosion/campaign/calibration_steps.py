@@ -34,7 +34,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.execution import Report
 from taichi_erosion.experiments import design as designs
-from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature_test, effects, eliminate_terms
+from taichi_erosion.experiments.anova import Effect, curvature_test, effects, eliminate_terms
 from taichi_erosion.experiments.confirm import Confirmation, Sample, welch_test
 from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfit_warning
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
@@ -120,7 +120,7 @@ def design_request(
     return request_of_file(scene, scene_overrides(file, settings), seed, file.effect_files, **extra)
 
 
-def effects_and_limits(fit: Fit) -> tuple[list[Effect], EffectLimits]:
+def effects_and_limits(fit: Fit) -> tuple[list[Effect], dict[str, float]]:
     """Effects in the order of the terms, and their limits; without centre points those of the plain model.
 
     With a centre: the same model on the corners alone, its error that of the model with the curvature.

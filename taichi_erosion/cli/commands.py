@@ -408,7 +408,7 @@ def verify(
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
     from taichi_erosion.verification import closed_forms
-    from taichi_erosion.verification.claims import verify_claims as verify_claims
+    from taichi_erosion.verification.claims import verify_claims
 
     def print_verdict(claim: "Claim") -> None:
         typer.echo(f"{claim.id} {output.claim_mark(claim.passed)}: {claim.claim}", err=True)

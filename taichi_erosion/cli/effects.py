@@ -214,9 +214,7 @@ def measured_shifts(effect: str) -> list[dict[str, str]]:
     return [row for row in rows if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"])]
 
 
-def write_effect_file(
-    name: str, discovery: Path | None = None, memory: bool = False, place: ScaffoldPlace = "pair"
-) -> Path:
+def write_effect_file(name: str, discovery: Path | None, memory: bool, place: ScaffoldPlace) -> Path:
     """Write a new effect file that fulfils the contract of effects; returns its path."""
     from taichi_erosion.effect_library import load_library
 
@@ -322,7 +320,6 @@ def law_file_entries(
 
 
 def number_meaning(key: str, value: float) -> tuple[str, float, float]:
-    """Meaning and range of one number of a law."""
     if key in ("p", "q"):
         return "exponent", -WIDEST, WIDEST
     low, high = sorted((value / WIDEST, value * WIDEST))

@@ -99,7 +99,6 @@ schema --study
 
 
 def command_examples(command: str) -> tuple[str, ...]:
-    """Lines of EXAMPLES that call a command."""
     return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
 
 

@@ -79,7 +79,7 @@ def number_text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def print_run(document: Record, verbose: bool = False) -> None:
+def print_run(document: Record, verbose: bool) -> None:
     """Print simulated beside measured values, what they say, warnings, and what follows."""
     from taichi_erosion.evidence.words import run_words as words
 
@@ -99,7 +99,6 @@ def print_run(document: Record, verbose: bool = False) -> None:
 
 
 def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
-    """Sentences on the check of effect files."""
     if checks:
         from taichi_erosion.verification.effect_contract import check_sentence
 
@@ -116,7 +115,6 @@ def print_measurement(record: Record) -> None:
 
 
 def print_claims(document: Record) -> None:
-    """Print the verification table."""
     claims = document["claims"]
     rows = (
         (*(number_text(claim[key]) for key in CLAIM), claim_mark(claim["passed"]), f"{claim['wall_s']:.1f}")
@@ -129,7 +127,6 @@ def print_claims(document: Record) -> None:
 
 
 def claim_mark(holds: bool) -> str:
-    """Mark of a claim that holds, or of one that does not."""
     return "ok" if holds else "FAILED"
 
 
@@ -236,7 +233,6 @@ def print_study_content(document: Record) -> None:
 
 
 def cost_line(name: str, record: Record) -> str:
-    """What an answer costs, in one line."""
     minutes = record.get("core_minutes")
     cores = "" if minutes is None else f" ({plain(minutes)} core-minutes)"
     return f"cost with --budget {name}: {record['sentence'].rstrip('.')}{cores}"

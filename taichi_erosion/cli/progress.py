@@ -41,7 +41,6 @@ def stop_log_after_error(handler: logging.FileHandler) -> None:
 
 
 def close_log() -> None:
-    """Close the log file, if any."""
     for handler in LOG.handlers:
         if isinstance(handler, logging.FileHandler):
             LOG.removeHandler(handler)

@@ -20,7 +20,7 @@ from math import pi
 from taichi_erosion.air.grid import cell_velocity, layer_index
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import wrapped_position
-from taichi_erosion.grains.state import partition_first_rank, side_start
+from taichi_erosion.grains.state import side_start
 
 real = ti.f64
 
@@ -95,7 +95,7 @@ def first_rank_of_part(world: ti.template(), coupling: ti.template(), r, p):
     if ti.static(coupling.sums.chunk > 0):
         first = ti.min(p * coupling.sums.chunk, world.replicas.released[r])
     else:
-        first = partition_first_rank(world.replicas, r, p)
+        first = world.replicas.bounds[r, p]
     return first
 
 

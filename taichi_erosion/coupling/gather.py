@@ -17,7 +17,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, cell_wind, column_share, share_below, sphere_layers
 from taichi_erosion.grains.cells import wrapped_position
 from taichi_erosion.grains.integrate import SPHERE
-from taichi_erosion.grains.state import partition_first_rank, side_start
+from taichi_erosion.grains.state import side_start
 
 real = ti.f64
 
@@ -173,7 +173,7 @@ def gather_partition(world_out: ti.template(), coupling: ti.template(), r, p, up
     """Frozen terms of the grains of one partition; effects update their state where `updates_state`."""
     (replicas,) = ti.static((world_out.replicas,))
     base = side_start(world_out.grains, r, replicas.side[r])
-    for rank in range(partition_first_rank(replicas, r, p), partition_first_rank(replicas, r, p + 1)):
+    for rank in range(replicas.bounds[r, p], replicas.bounds[r, p + 1]):
         gather_grain(world_out, coupling, r, base + rank, updates_state)
 
 

@@ -16,12 +16,13 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.execution import RunOptions
 from taichi_erosion.execution import result as results
-from taichi_erosion.execution.checks import comparable, load_checked_air_scene
+from taichi_erosion.execution.checks import comparable
 from taichi_erosion.execution.scene_run import defer_signals
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool_repeats
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_wind, open_wind_recording
+from taichi_erosion.scene.load import load_air_scene
 from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.scene.schema.air import AirScene
 
@@ -53,7 +54,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     started = time.perf_counter()
     if options.checkpoint or options.resume or options.precision == "f32":
         raise BadInput("--checkpoint, --resume, --precision f32: not for a scene of air alone")
-    scene = load_checked_air_scene(path, options.overrides)
+    scene = load_air_scene(path, options.overrides, observables=tuple(AIR_OBSERVABLES))
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
@@ -114,7 +115,6 @@ def advance_air_to_end(
 def air_run_document(
     path: Path, run: AirRun, comparisons: dict[str, Any], threads: int, seconds: float
 ) -> dict[str, Any]:
-    """The result document of a scene of air alone."""
     scene = run.scene
     measured = []
     for frames in run.frames:

@@ -189,11 +189,6 @@ def library_of(*scenes: Scene) -> dict[str, Any]:
     return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files_of_scene))
 
 
-def load_checked_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:
-    """Load an air scene whose measures this program knows. Raises BadInput."""
-    return load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
-
-
 def check_scene(
     path: Path,
     overrides: tuple[str, ...] = (),
@@ -207,7 +202,7 @@ def check_scene(
     """
     examined: list[dict[str, Any]] = []
     if is_air_scene(path):
-        scene = load_checked_air_scene(path, overrides)
+        scene = load_air_scene(path, overrides, observables=tuple(AIR_OBSERVABLES))
         limits = {"time_step": run_time_step(scene), "time_step_longest": stable_step(scene), "warnings": []}
     else:
         named = read_effects(effect_files)

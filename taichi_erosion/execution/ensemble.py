@@ -89,7 +89,6 @@ def run_replicas_reusing_buffers(
 
 
 def record_of_refused_replica(request: ReplicaRequest, reason: str) -> dict[str, Any]:
-    """Record of a replica that could not start."""
     empty = {"seed": request.seed, "measures": {}, "warnings": [], "removed": [], "time": 0.0}
     cost = {"wall_s": 0.0, "cpu_s": 0.0, "versions": versions_of_dependencies()}
     return empty | cost | {"hash": scene_hash(request.scene), "stopped": "refused", "failure": reason}

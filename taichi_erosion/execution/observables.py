@@ -225,8 +225,7 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "mass_flow": lambda e: mass_flow.mass_flow_rate(
         e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
     ),
-    "solid_fraction": measure_of_profile("solid_fraction"),
-    "lateral_stress_ratio": measure_of_profile("lateral_stress_ratio"),
+    **{name: measure_of_profile(name) for name in ("solid_fraction", "lateral_stress_ratio")},
     "settling_velocity": lambda e: wind_bed.mean_settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),
@@ -288,20 +287,18 @@ def shortfalls_of_drum_surface(state: MeasureInput, measurement: Measurement) ->
     if not isinstance(wall, Cylinder) or heap.why_snapshot_unmeasurable(state.end):
         return
     width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
-    yield from shortfalls.surface_shortfalls(width / heap.median_diameter_by_volume(state.end))
-    yield from shortfalls.surface_scatter_shortfalls(measurement.value, measurement.sd)
-
-
-def shortfalls_of_hop_count(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
-    """Whether enough hops carry what is measured."""
-    return shortfalls.hop_shortfalls(len(state.splash_of_landings.impacts)) if state.frames else ()
+    bins = width / heap.median_diameter_by_volume(state.end)
+    yield from shortfalls.surface_shortfalls(bins, measurement.value, measurement.sd)
 
 
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
     **dict.fromkeys(ANGLES, shortfalls_of_heap_size),
     "dynamic_angle": shortfalls_of_drum_surface,
     "settling_velocity": lambda e, _: shortfalls.touching_shortfalls(float((e.end.contacts > 0).mean())),
-    **dict.fromkeys(("flux", "flux_height", *SPLASH), shortfalls_of_hop_count),
+    **dict.fromkeys(
+        ("flux", "flux_height", *SPLASH),
+        lambda e, _: shortfalls.hop_shortfalls(len(e.splash_of_landings.impacts)),
+    ),
 }
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 

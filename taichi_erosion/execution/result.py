@@ -104,7 +104,6 @@ def files_of_earlier_run(record: Path, scene: Path) -> set[str]:
 
 
 def is_own_recording(path: Path) -> bool:
-    """Whether a file is a recording of this program."""
     if path.suffix != RECORDING or not path.is_file():
         return False
     with path.open("rb") as file:

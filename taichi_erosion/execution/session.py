@@ -43,7 +43,6 @@ from taichi_erosion.scene import Scene, laws, replica_setup
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.preparation.fill import pour_with_inlets_open
 from taichi_erosion.scene.preparation.setup import append_grains_by_release
-from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.saved_state import remove_grains_from_state
 
@@ -168,7 +167,7 @@ def run_for_seconds(session: Session, seconds: float) -> None:
     run_until_time(session, session.time + seconds)
 
 
-def run_session_steps(session: Session, steps: int = 1) -> None:
+def run_session_steps(session: Session, steps: int) -> None:
     run_until_time(session, session.time + steps * session.time_step)
 
 
@@ -217,12 +216,10 @@ def change_entry(session: Session, path: str, value: str) -> str:
 
 
 def warnings_of_present_scene(session: Session) -> list[str]:
-    """What a run of the present scene would warn of."""
     return checks.setup_report(session.scene, session.effect_files)["warnings"]
 
 
 def names_of_changed_fields(before: Any, after: Any) -> list[str]:
-    """Names of the fields in which two models differ."""
     return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
 
 
@@ -232,9 +229,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     if effective.laws != simulation.effective_scene(session.scene, session.library or library).laws:
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
     simulation.set_contacts(sim, 0, contact_table(effective))
-    x, y, z = unit_vector(effective.gravity.direction)
-    g = effective.gravity.magnitude
-    sim.setups[0] = replace(sim.setups[0], gravity=(g * x, g * y, g * z))
+    sim.setups[0] = replace(sim.setups[0], gravity=effective.gravity.vector)
     simulation.set_replica_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and effective.wind is not None:
         simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
@@ -252,7 +247,7 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     return "at once" if state is None else "after building the effect in"
 
 
-def insert_grains(session: Session, count: int, at: Sequence[float] = (), inlet: str = "") -> None:
+def insert_grains(session: Session, count: int, at: Sequence[float], inlet: str) -> None:
     """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
     keep_state_if_due(session, is_due=True)
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
@@ -301,10 +296,6 @@ def measure_now(session: Session) -> dict[str, Measurement]:
     return apply_instruments(measurements, scene, session.library)
 
 
-def keep_session_and_grains(session: Session) -> Kept:
-    return copy_session_lists(session), simulation.export_state(session.sim)
-
-
 def copy_session_lists(session: Session) -> Session:
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
@@ -322,7 +313,7 @@ def keep_state_if_due(session: Session, is_due: bool = False) -> None:
     while states and (states[-1][0].time > here[0] or (states[-1][0].time, revision(states[-1][0])) == here):
         states.pop()
     if is_due or began >= session.keep_at:
-        states.append(keep_session_and_grains(session))
+        states.append((copy_session_lists(session), simulation.export_state(session.sim)))
         if bytes_of_kept_states(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
             states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or revision(a[0]) != revision(b[0])]
@@ -350,7 +341,7 @@ def undo_latest_change(session: Session) -> None:
 
 
 def save_state_as(session: Session, name: str) -> None:
-    session.saved[name] = keep_session_and_grains(session)
+    session.saved[name] = copy_session_lists(session), simulation.export_state(session.sim)
 
 
 def restore_saved_state(session: Session, name: str) -> None:

@@ -132,9 +132,8 @@ def store_frame_if_due(sim: Simulation, scene: Scene, replica: int, state: Repli
 
 def observables_of_stage(scene: Scene, stage: int) -> list[str]:
     """Observables that are measured at the end of a stage: of their own, or of the last one."""
-    names = [stage.name for stage in scene.stages]
-    stage_of = {name: request.stage or names[-1] for name, request in scene.measure.items()}
-    return [name for name, stage_name in stage_of.items() if names.index(stage_name) == stage]
+    last, here = scene.stages[-1].name, scene.stages[stage].name
+    return [name for name, request in scene.measure.items() if (request.stage or last) == here]
 
 
 def is_stage_over(

@@ -105,10 +105,9 @@ def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> Th
     """First trial: of the ramp, or of transport; the bed as it is serves all later trials from rest."""
     transport = scene.threshold.transport
     first = transport or first_wind(scene)
-    search = ThresholdSearch(scene, export_bed(sim, replica), begin_trial(sim, replica, first, time))
-    search.phase = "start" if transport else "ramp"
+    bed, trial = export_bed(sim, replica), begin_trial(sim, replica, first, time)
     spin_up_wind(sim, replica, first)
-    return search
+    return ThresholdSearch(scene, bed, trial, "start" if transport else "ramp")
 
 
 def first_wind(scene: Scene) -> float:

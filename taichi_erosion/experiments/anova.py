@@ -145,18 +145,11 @@ class Effect:
     p: float
 
 
-@dataclass(frozen=True)
-class EffectLimits:
-    """Sizes beyond which an effect is significant, in the response's unit; NaN where none can be given."""
+def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], dict[str, float]]:
+    """Effects of a linear or interaction model, in the order of its terms, and their limits by name.
 
-    single: float  # t limit
-    bonferroni: float
-
-
-def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], EffectLimits]:
-    """Effects of a linear or interaction model, in the order of its terms, and their limits.
-
-    The limits hold for the least certain of them.
+    The t limit (`single`) and that of Bonferroni are sizes beyond which the least certain of them is
+    significant, in the response's unit; NaN where none can be given.
     """
     mean_square, df = error or (fit.ms_error, fit.df_error)
     sums, values = term_sums(fit), 2.0 * fit.coefficients[1:]
@@ -167,4 +160,4 @@ def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], EffectL
     rows = [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
     tail = 0.5 * (1.0 - CONFIDENCE)
     single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * float(errors.max())
-    return rows, EffectLimits(float(single), float(bonferroni))
+    return rows, {"single": float(single), "bonferroni": float(bonferroni)}

@@ -69,11 +69,6 @@ class Structure:
     orthogonal: bool | None
     cells: tuple[Cell, ...] = ()  # each restores the design alone
 
-    @property
-    def sole_restoring_cell(self) -> Cell | None:
-        """The cell that restores the design, if there is only one."""
-        return self.cells[0] if len(self.cells) == 1 else None
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -178,10 +173,9 @@ def restoring_cells(coded: Floats) -> Iterator[Cell]:
                 yield cell
 
 
-def change_cell(coded: Floats, cell: Cell | None) -> Floats:
+def change_cell(coded: Floats, cell: Cell) -> Floats:
     changed = coded.copy()
-    if cell is not None:
-        changed[cell.row, cell.column] = cell.level
+    changed[cell.row, cell.column] = cell.level
     return changed
 
 
@@ -256,7 +250,8 @@ def orthogonality_findings(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = change_cell(table.coded, structure.sole_restoring_cell)
+    cells = structure.cells
+    coded = change_cell(table.coded, cells[0]) if len(cells) == 1 else table.coded
     design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]

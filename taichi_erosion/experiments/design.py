@@ -89,7 +89,6 @@ class Design:
         return to_natural(self.factors, self.coded)
 
     def __len__(self) -> int:
-        """Number of runs."""
         return len(self.coded)
 
     def settings(self, row: int) -> dict[str, float]:

@@ -90,8 +90,6 @@ def model_matrix(coded: ArrayLike, terms: Sequence[Term]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A fitted model."""
-
     response: str
     factors: tuple[Factor, ...]
     terms: tuple[Term, ...]
@@ -198,13 +196,13 @@ def natural_polynomial(fit: Fit) -> Polynomial:
     return total
 
 
-def equation_text(fit: Fit, polynomial: Mapping[Term, float], digits: int = 5) -> str:
+def equation_text(fit: Fit, polynomial: Mapping[Term, float]) -> str:
     names = [factor.path for factor in fit.factors]
     words = [f"{fit.response} ="]
     for term, coefficient in polynomial.items():
         sign = "-" if coefficient < 0.0 else "+"
-        size = f"{abs(coefficient):.{digits}g}"
-        words.append(f"{sign} {size} {term_name(term, names)}" if any(term) else f"{coefficient:.{digits}g}")
+        size = f"{abs(coefficient):.5g}"
+        words.append(f"{sign} {size} {term_name(term, names)}" if any(term) else f"{coefficient:.5g}")
     return " ".join(words)
 
 

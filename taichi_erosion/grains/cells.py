@@ -165,7 +165,6 @@ def box_of_most_grains(replicas: ti.template(), r, low, high, total, squares):
 
 @ti.func
 def fit_grid_to_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
-    """Grid of replica r around its grains."""
     low, high, total, squares = box_and_position_sums(grains, replicas, r, 0, replicas.released[r])
     low, high = box_of_most_grains(replicas, r, low, high, total, squares)
     divide_box_into_cells(cells_out, replicas, r, low, high)
@@ -188,7 +187,6 @@ def divide_box_into_cells(cells_out: ti.template(), replicas: ti.template(), r, 
 
 @ti.func
 def cell_of_grain(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
-    """Number of the cell of the grain at place i."""
     place = cell_coordinates(cells, r, wrapped_position(grains, replicas, r, i))
     return cell_index(arrange_along_axes(cells, r, cells.number[r]), place)
 

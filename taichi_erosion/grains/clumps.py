@@ -157,7 +157,6 @@ def place_spheres(world_out: ti.template(), r, b):
 
 @ti.func
 def released_body_count(world: ti.template(), r):
-    """Number of bodies of replica r whose spheres have been released."""
     released, bodies = world.replicas.released[r] + world.replicas.removed[r], 0
     if released > 0:
         bodies = world.source.body[r * world.grains.capacity + released - 1] + 1

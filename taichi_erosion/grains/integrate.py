@@ -10,7 +10,7 @@ Reference: Allen & Tildesley (2017), Computer Simulation of Liquids, 2nd ed., se
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.sleep import hold_sleeping_grain
-from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, partition_first_rank, side_start
+from taichi_erosion.grains.state import REBUILD, STOP, first_force_place, side_start
 
 SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 
@@ -20,8 +20,7 @@ def add_partition_buffers(world_out: ti.template(), r, p):
     """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
     block = first_force_place(grains_out, replicas, r, p)
-    first = partition_first_rank(replicas, r, p)
-    last = partition_first_rank(replicas, r, p + 1)
+    first, last = replicas.bounds[r, p], replicas.bounds[r, p + 1]
     for q in range(replicas.partitions[r]):
         if q != p:
             other = first_force_place(grains_out, replicas, r, q)
@@ -42,22 +41,6 @@ def kick_duration(replicas: ti.template(), r, step):
 
 
 @ti.func
-def accelerations(world_out: ti.template(), r, i, buffer):
-    """Acceleration [m s-2] and spin rate [rad s-2] of the grain at place i; clears its buffer."""
-    grains_out, frozen = ti.static((world_out.grains, world_out.frozen_drag))
-    inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
-    gravity = world_out.replicas.gravity[r]
-    acceleration = grains_out.force[buffer] * inverse + gravity
-    spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
-    grains_out.force[buffer] = 0.0 * gravity
-    grains_out.torque[buffer] = 0.0 * gravity
-    if ti.static(world_out.has_external_forces):
-        acceleration += frozen.steady_acceleration[i]
-        spin_rate += frozen.steady_spin_rate[i]
-    return acceleration, spin_rate
-
-
-@ti.func
 def record_rates(grains_out: ti.template(), place, acceleration, spin_rate):
     """Record the rates of the last step of a launch; at place -1 nothing."""
     if place >= 0:
@@ -67,12 +50,20 @@ def record_rates(grains_out: ti.template(), place, acceleration, spin_rate):
 
 @ti.func
 def kick_and_drift_grain(world_out: ti.template(), r, i, buffer, kick, place):
-    """Kick and drift the grain at place i; returns REBUILD where it has left its skin."""
-    (grains_out,) = ti.static((world_out.grains,))
-    acceleration, spin_rate = accelerations(world_out, r, i, buffer)
+    """Kick and drift the grain at place i, and clear its buffer; returns REBUILD where it left its skin."""
+    grains_out, frozen_out = ti.static((world_out.grains, world_out.frozen_drag))
+    inverse, radius = grains_out.mass_inverse[i], grains_out.radius[i]
+    gravity = world_out.replicas.gravity[r]
+    acceleration = grains_out.force[buffer] * inverse + gravity
+    spin_rate = grains_out.torque[buffer] * (SPHERE * inverse / (radius * radius))
+    grains_out.force[buffer] = 0.0 * gravity
+    grains_out.torque[buffer] = 0.0 * gravity
+    if ti.static(world_out.has_external_forces):
+        acceleration += frozen_out.steady_acceleration[i]
+        spin_rate += frozen_out.steady_spin_rate[i]
     velocity = grains_out.velocity[i] + acceleration * kick
     if ti.static(world_out.has_external_forces):
-        velocity = velocity_after_drag(world_out.frozen_drag, i, velocity, kick)
+        velocity = velocity_after_drag(frozen_out, i, velocity, kick)
         acceleration = (velocity - grains_out.velocity[i]) / kick
     shift = grains_out.shift[i] + velocity * world_out.replicas.time_step[r]
     grains_out.velocity[i] = velocity
@@ -93,8 +84,7 @@ def advance_grains(world_out: ti.template(), r, p, step, is_last):
     buffer = first_force_place(grains, replicas, r, p)
     kick = kick_duration(replicas, r, step)
     need = 0
-    first = partition_first_rank(replicas, r, p)
-    for rank in range(first, partition_first_rank(replicas, r, p + 1)):
+    for rank in range(replicas.bounds[r, p], replicas.bounds[r, p + 1]):
         place = ti.select(is_last, r * grains.capacity + rank, -1)
         need = need | advance_if_awake(world_out, r, base + rank, buffer + rank, kick, place)
     return need

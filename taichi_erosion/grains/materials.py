@@ -50,9 +50,9 @@ def damping_ratio(restitution: Floats) -> Floats:
     return -logarithm / np.sqrt(logarithm**2 + pi**2)
 
 
-def contact_columns(table: ContactTable) -> dict[str, Floats]:
-    """Columns of Materials from what a scene states."""
-    return {
+def replica_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
+    """Columns of Materials of one replica, from what a scene states."""
+    columns = {
         "young": table.young_effective,
         "shear": table.shear_effective,
         "damping": TSUJI * damping_ratio(table.restitution) * np.sqrt(2.0 * table.young_effective),
@@ -63,11 +63,8 @@ def contact_columns(table: ContactTable) -> dict[str, Floats]:
         "adhesion": pi * table.surface_energy,
         "effects": table.effects,
     }
-
-
-def replica_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
     count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
-    rows, columns = material_pair_rows(count, materials.count), contact_columns(table)
+    rows = material_pair_rows(count, materials.count)
     whole = {name: np.zeros(materials.rows) for name in columns}
     for name, values in columns.items():
         whole[name][rows] = values

@@ -67,13 +67,7 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: i
 
 
 @ti.func
-def side_first_entry(pairs: ti.template(), r, side):
-    return (2 * r + side) * pairs.capacity
-
-
-@ti.func
 def entry_count(pairs: ti.template(), i):
-    """Entries of the grain at place i."""
     return (pairs.stop[i] - pairs.start[i]) // pairs.stride
 
 
@@ -110,21 +104,15 @@ def verlet_skin(replicas: ti.template(), r, radius, speed):
 
 
 @ti.func
-def does_skin_exceed_cells(world: ti.template(), r, i):
-    """1 where the skin that the grain at place i wants reaches beyond adjacent cells, else 0."""
-    radius = world.grains.radius[i]
-    width = unlimited_skin(world.replicas, r, radius, world.grains.velocity[i].norm())
-    return ti.cast(radius + width > world.replicas.cell_reach[r], ti.i32)
-
-
-@ti.func
 def count_wide_grains(world_out: ti.template(), r):
-    """Set `crowded` where too many grains would reach beyond adjacent cells."""
+    """Set `crowded` where too many grains want skins that reach beyond adjacent cells."""
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     base = side_start(grains, r, replicas_out.side[r])
     wide = 0
     for i in range(base, base + replicas_out.released[r]):
-        wide += does_skin_exceed_cells(world_out, r, i)
+        radius = grains.radius[i]
+        width = unlimited_skin(replicas_out, r, radius, grains.velocity[i].norm())
+        wide += ti.cast(radius + width > replicas_out.cell_reach[r], ti.i32)
     replicas_out.crowded[r] = ti.cast(wide > ti.max(WIDE_MOST, replicas_out.released[r] // CROWD), ti.i32)
 
 

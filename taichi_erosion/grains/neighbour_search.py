@@ -31,11 +31,10 @@ from taichi_erosion.grains.neighbour_list import (
     entry_count,
     is_wide_grain,
     partition_first_entry,
-    side_first_entry,
     verlet_skin,
 )
 from taichi_erosion.grains.sleep import copy_sleep_state, set_awake
-from taichi_erosion.grains.state import partition_first_rank, side_start
+from taichi_erosion.grains.state import side_start
 
 TOUCHING = 1e-5  # of the distance of two grains: nearer to touching than this they count as touching [1]
 ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one beside it, three above
@@ -273,8 +272,7 @@ def copy_grain_to_rank(world_out: ti.template(), r, rank):
 @ti.func
 def copy_grains_in_order(world_out: ti.template(), r, p):
     """Copy partition p to the other side in sorted order."""
-    first = partition_first_rank(world_out.replicas, r, p)
-    for rank in range(first, partition_first_rank(world_out.replicas, r, p + 1)):
+    for rank in range(world_out.replicas.bounds[r, p], world_out.replicas.bounds[r, p + 1]):
         copy_grain_to_rank(world_out, r, rank)
 
 
@@ -346,9 +344,8 @@ def list_partition_pairs(world_out: ti.template(), r, p):
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_start(world_out.grains, r, side)
-    first = partition_first_rank(replicas_out, r, p)
-    last = partition_first_rank(replicas_out, r, p + 1)
-    entry = side_first_entry(pairs_out, r, side) + partition_first_entry(pairs_out, replicas_out, r, p)
+    first, last = replicas_out.bounds[r, p], replicas_out.bounds[r, p + 1]
+    entry = side_start(pairs_out, r, side) + partition_first_entry(pairs_out, replicas_out, r, p)
     limit = entry + pairs_out.capacity // replicas_out.partitions[r]
     before, behind = ti.Vector([first, 0]), ti.Vector([replicas_out.released[r], 0])
     short = 0

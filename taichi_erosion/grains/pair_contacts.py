@@ -17,7 +17,7 @@ from taichi_erosion.grains.simd_batch import (
     store_history,
 )
 from taichi_erosion.grains.sleep import first_awake_entry, record_sleep_change
-from taichi_erosion.grains.state import first_force_place, partition_first_rank, side_start
+from taichi_erosion.grains.state import first_force_place, side_start
 
 MULTIPLIER = 0x9E3779B1  # golden ratio of 32 bits, odd (Knuth 1998, Art of Computer Programming 3, sec. 6.4)
 STIR, UNIT = 0x85EBCA6B, 2.0**-32  # odd, from the finaliser of MurmurHash3; of a 32-bit number
@@ -97,16 +97,6 @@ def pair_effect_force(world_out: ti.template(), batch: ti.template(), n, r, base
     return contact_effect_force(
         world_out, world_out.pairs, batch, n, r, i, j, normal, offset, closing, root * root, mass_j
     )
-
-
-@ti.func
-def apply_pair_effects(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
-    """Add the force of the pair effects to both grains of lane n."""
-    (grains_out,) = ti.static((world_out.grains,))
-    force = pair_effect_force(world_out, batch, n, r, base)
-    action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
-    grains_out.force[action] = grains_out.force[action] + force
-    grains_out.force[reaction] = grains_out.force[reaction] - force
 
 
 @ti.func
@@ -227,8 +217,8 @@ def overlap_length_scale(batch: ti.template(), n):
 
 @ti.func
 def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """Apply the contact in lane n to its grains."""
-    buffer = first_force_place(world_out.grains, world_out.replicas, r, p)
+    (grains_out,) = ti.static((world_out.grains,))
+    buffer = first_force_place(grains_out, world_out.replicas, r, p)
     size = overlap_length_scale(batch, n)
     report_deep_overlap(world_out.replicas, r, p, batch.owner[n], batch.partner[n], batch.overlap[n], size)
     if batch.acts[n] == 1:
@@ -237,7 +227,10 @@ def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, ba
         clear_history(world_out.pairs, batch.entry[n])
     if ti.static(world_out.pair_effects.any):
         if do_pair_effects_act(world_out.materials, world_out.pairs, batch.entry[n]):
-            apply_pair_effects(world_out, batch, n, r, base, buffer)
+            force = pair_effect_force(world_out, batch, n, r, base)
+            action, reaction = buffer + batch.owner[n], buffer + batch.partner[n]
+            grains_out.force[action] = grains_out.force[action] + force
+            grains_out.force[reaction] = grains_out.force[reaction] - force
     if ti.static(world_out.sleeps):
         record_sleep_change(world_out.sleep, base + batch.owner[n], base + batch.partner[n])
 
@@ -246,8 +239,7 @@ def apply_pair_force(world_out: ti.template(), batch: ti.template(), n, r, p, ba
 def add_pair_forces(world_out: ti.template(), r, p):
     grains, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
     base = side_start(grains, r, replicas.side[r])
-    first = partition_first_rank(replicas, r, p)
-    last = partition_first_rank(replicas, r, p + 1)
+    first, last = replicas.bounds[r, p], replicas.bounds[r, p + 1]
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     row = replicas.pair_row[r]

@@ -53,7 +53,6 @@ def owns_partition(replicas: ti.template(), r, p, member, size):
 
 @ti.func
 def engaged_contacts(entries: ti.template(), i):
-    """Number of engaged contacts of the grain at place i."""
     number = 0
     for e in range(entries.start[i], entries.stop[i]):
         number += entries.label[e] & ENGAGED

@@ -25,7 +25,7 @@ from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.frozen_drag import velocity_after_drag
 from taichi_erosion.grains.neighbour_list import ENGAGED, entry_count
 from taichi_erosion.grains.partition import owns_partition, wait_at_barrier
-from taichi_erosion.grains.state import arrays, partition_first_rank, side_start
+from taichi_erosion.grains.state import arrays, side_start
 
 REST_SPEED = 1e-2  # c: in the time sqrt(d / g) such a grain moves by a hundredth of its diameter [1]
 DEEP = 0.05  # of its weight, by air and fields: a grain with more lies open to the wind [1]
@@ -74,7 +74,6 @@ def copy_sleep_state(sleep_out: ti.template(), k, i):
 
 @ti.func
 def set_awake(sleep_out: ti.template(), i):
-    """Sleep state of a grain that is released: awake."""
     for field_out in ti.static((sleep_out.state, sleep_out.rest_count, sleep_out.load)):
         field_out[i] = 0 * field_out[i]
 
@@ -178,8 +177,7 @@ def update_sleep_states(world_out: ti.template(), r, member, size, phase):
         for task in ti.static((count_rest_exchanges, mark_unsettled_pairs, update_sleep_state)):
             for p in range(replicas_out.partitions[r]):
                 if owns_partition(replicas_out, r, p, member, size):
-                    first = partition_first_rank(replicas_out, r, p)
-                    for rank in range(first, partition_first_rank(replicas_out, r, p + 1)):
+                    for rank in range(replicas_out.bounds[r, p], replicas_out.bounds[r, p + 1]):
                         task(world_out, r, base + rank)
             phase = wait_at_barrier(replicas_out, r, size, phase)
     return phase

@@ -153,7 +153,6 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 
 
 def allocate_replicas(count: int, partitions: int) -> Replicas:
-    """Fields of clocks and counters."""
     signals = "status spins_most late pause"  # the last three of a team
     counts = "released removes leaving removed"
     skins = "skin_least skin_most skin_time cell_reach extent_most reach met_reach wall_travel"
@@ -171,14 +170,9 @@ def allocate_replicas(count: int, partitions: int) -> Replicas:
 
 
 @ti.func
-def side_start(grains: ti.template(), r, side):
-    """First place of one side of replica r."""
-    return (2 * r + side) * grains.capacity
-
-
-@ti.func
-def partition_first_rank(replicas: ti.template(), r, p):
-    return replicas.bounds[r, p]
+def side_start(record: ti.template(), r, side):
+    """First place of one side of replica r: of the grains, or the first entry of a list."""
+    return (2 * r + side) * record.capacity
 
 
 @ti.func

@@ -18,7 +18,6 @@ from taichi_erosion.grains.neighbour_list import (
     ROW_SHIFT,
     clear_history,
     partition_first_entry,
-    side_first_entry,
 )
 from taichi_erosion.grains.pair_contacts import contact_effect_force, do_pair_effects_act, report_deep_overlap
 from taichi_erosion.grains.simd_batch import (
@@ -30,7 +29,7 @@ from taichi_erosion.grains.simd_batch import (
     store_history,
 )
 from taichi_erosion.grains.sleep import is_asleep
-from taichi_erosion.grains.state import block, first_force_place, partition_first_rank, side_start
+from taichi_erosion.grains.state import block, first_force_place, side_start
 from taichi_erosion.grains.walls import (
     NO_SERVO,
     TORQUE,
@@ -193,7 +192,6 @@ def evaluate_wall(laws: ti.template(), batch_out: ti.template(), n, dt):
 
 @ti.func
 def apply_wall_force(world_out: ti.template(), batch: ti.template(), n, r, p, base):
-    """Apply the contact in lane n to its grain."""
     rank, radius = batch.owner[n], batch.radius_i[n]
     report_deep_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
     force = add_wall_force(
@@ -270,11 +268,9 @@ def next_wall_entry(world_out: ti.template(), base, e, end):
 
 @ti.func
 def add_wall_forces(world_out: ti.template(), r, p):
-    """Add the forces of all walls on the grains of one partition."""
     grains, entries, replicas = ti.static((world_out.grains, world_out.wall_pairs, world_out.replicas))
     base = side_start(grains, r, replicas.side[r])
-    first = partition_first_rank(replicas, r, p)
-    last = partition_first_rank(replicas, r, p + 1)
+    first, last = replicas.bounds[r, p], replicas.bounds[r, p + 1]
     dt = replicas.time_step[r]
     batch = world_out.batch_type()
     if first < last:
@@ -349,14 +345,6 @@ def write_wall_entry(world_out: ti.template(), r, e, rank, w):
 
 
 @ti.func
-def wall_clearance(world: ti.template(), e, gap):
-    """Distance that the grain of entry e may move before it can touch that wall [m]; 0 for a moving wall."""
-    walls, entries = ti.static((world.walls, world.wall_pairs))
-    still = walls.moving[primitive_surface(walls, entries.wall[e])] == 0 and entries.label[e] & HISTORY == 0
-    return ti.select(still, ti.max(ti.cast(gap, float), 0.0), 0.0)
-
-
-@ti.func
 def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
     """List the walls near one grain from `entry` on; returns the number of entries needed."""
     walls, entries_out = ti.static((world_out.walls, world_out.wall_pairs))
@@ -368,9 +356,12 @@ def list_walls_of_grain(world_out: ti.template(), r, rank, entry, limit):
         gap = wall_gap(world_out, r, i, w)
         if gap < wall_approach_bound(world_out, r, i, w):
             if entry + count < limit:
-                write_wall_entry(world_out, r, entry + count, rank, w)
-                spare = gap - ROUNDING * world_out.grains.radius[i]
-                clear = ti.min(clear, wall_clearance(world_out, entry + count, spare))
+                e = entry + count
+                write_wall_entry(world_out, r, e, rank, w)
+                # beside a wall that moves, or that the grain touches, no way is clear
+                still = walls.moving[primitive_surface(walls, w)] == 0 and entries_out.label[e] & HISTORY == 0
+                spare = ti.cast(gap - ROUNDING * world_out.grains.radius[i], float)
+                clear = ti.min(clear, ti.select(still, ti.max(spare, 0.0), 0.0))
             count += 1
     entries_out.clearance_squared[i] = clear * clear
     return count
@@ -382,11 +373,10 @@ def list_walls_of_partition(world_out: ti.template(), r, p):
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     side = 1 - replicas_out.side[r]
     base = side_start(world_out.grains, r, side)
-    first = partition_first_rank(replicas_out, r, p)
-    entry = side_first_entry(entries_out, r, side) + partition_first_entry(entries_out, replicas_out, r, p)
+    entry = side_start(entries_out, r, side) + partition_first_entry(entries_out, replicas_out, r, p)
     limit = entry + entries_out.capacity // replicas_out.partitions[r]
     short = 0
-    for rank in range(first, partition_first_rank(replicas_out, r, p + 1)):
+    for rank in range(replicas_out.bounds[r, p], replicas_out.bounds[r, p + 1]):
         count = list_walls_of_grain(world_out, r, rank, entry, limit)
         listed = ti.min(count, limit - entry)
         short += count - listed

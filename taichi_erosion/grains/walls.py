@@ -62,7 +62,7 @@ class Walls:
     stiffness: Any  # f64 likewise: of the contacts, along the axis [N m-1] or [N m]
 
 
-def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int = 0, servos: int = 0) -> Walls:
+def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int, servos: int) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
     places, motion = "corner second third ball_centre", "shift velocity spin centre"
@@ -74,13 +74,6 @@ def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int = 0,
     table |= arrays(max(servos, 1) * bodies, f64="push stiffness")
     turn = ti.Matrix.field(3, 3, ti.f64, shape=bodies)
     return Walls(primitives, surfaces, rows=rows, servos=servos, **table, turn=turn)
-
-
-@ti.func
-def plane_offset(walls: ti.template(), w, position):
-    """From the closest point of the half space to the position [m]; inside it, against the normal."""
-    normal = walls.second[w]
-    return (position - walls.corner[w]).dot(normal) * normal
 
 
 @ti.func
@@ -142,7 +135,8 @@ def wall_offset(walls: ti.template(), w, position):
     """From the closest point of primitive w, at its place at the start, to the position [m]."""
     offset = 0.0 * position
     if walls.kind[w] == PLANE:
-        offset = plane_offset(walls, w, position)
+        normal = walls.second[w]
+        offset = (position - walls.corner[w]).dot(normal) * normal  # behind the plane against the normal
     elif walls.kind[w] == REVOLVED:
         offset = revolved_offset(walls, w, position)
     else:

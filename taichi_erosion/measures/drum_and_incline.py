@@ -21,7 +21,6 @@ SLIDING_SHARE = 0.5  # of a diameter: far beyond elastic settling, and passed at
 
 
 def why_frames_unmeasurable(frames: Sequence[Snapshot]) -> str | None:
-    """Why nothing can be measured on these frames, if so."""
     return next(filter(None, map(why_snapshot_unmeasurable, frames)), None) if frames else "no frames"
 
 

@@ -38,7 +38,6 @@ SENTENCES = {
 
 
 def why_snapshot_unmeasurable(snapshot: Snapshot) -> str | None:
-    """Why nothing can be measured on this snapshot, if so."""
     if snapshot.radius.size == 0:
         return "no grains"
     return None if np.isfinite(snapshot.position).all() else "a coordinate is not finite"

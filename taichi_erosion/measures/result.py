@@ -47,7 +47,6 @@ class Measurement:
 
 
 def no_measurement(name: str, unit: str, reason: str) -> Measurement:
-    """A measurement without a value, and why."""
     return Measurement(name, nan, nan, unit, n=0, notes=(reason,))
 
 

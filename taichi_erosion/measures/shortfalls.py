@@ -63,7 +63,6 @@ def grain_count(rows: float, angle: float) -> int:
 
 
 def round_up_two_digits(count: float) -> int:
-    """A number of grains with two digits, rounded up."""
     unit = 10 ** (int(log10(count)) - 1)
     return ceil(count / unit) * unit
 
@@ -106,15 +105,11 @@ def hop_shortfalls(hops: int) -> Iterator[Shortfall]:
         yield Shortfall("few_hops", f"{words}longer stage or a larger patch", hops, LEAST_HOPS, False)
 
 
-def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
-    """Shortfall of the slope of a surface that is few grains wide."""
+def surface_shortfalls(bins: float, mean: float, sd: float) -> Iterator[Shortfall]:
+    """Shortfalls of the slope of a surface that is few grains wide, or another one in each frame."""
     if bins < LEAST_BINS:
         words = f"the surface is {bins:.0f} grains wide, {LEAST_BINS} are needed: larger drum or finer grains"
         yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
-
-
-def surface_scatter_shortfalls(mean: float, sd: float) -> Iterator[Shortfall]:
-    """Shortfall of the slope of a surface that is another in each frame."""
     if sd > UNSTEADY * mean:
         words = f"frames scatter by {sd:.2g} deg, no steady surface: a drum that turns too fast, or empties"
         yield Shortfall("unsteady_surface", words, sd, UNSTEADY * mean, True)
@@ -160,7 +155,6 @@ def touching_shortfalls(share: float) -> Iterator[Shortfall]:
 
 
 def few_beds_shortfall(pooled: Measurement) -> Iterator[Shortfall]:
-    """Shortfall of a threshold that rests on few beds."""
     if 0 < pooled.n < LEAST_BEDS:
         beds = "one bed" if pooled.n == 1 else f"{pooled.n} beds"
         words = f"it rests on {beds}, and single beds scatter by 11 %; use at least --replicas {LEAST_BEDS}"

@@ -186,19 +186,14 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
 
 
-def log_likelihood_of_brackets(ends: Floats, middle: float, scale: Floats) -> Floats:
-    """Logarithm of the chance of all brackets, by scale; `ends` [n, 2] are logarithms."""
-    a, b = ((ends - middle)[:, :, None] / scale).transpose(1, 0, 2)
-    # of 1/(1+e^-b) - 1/(1+e^-a), whose terms may both be near 0 or near 1
-    terms = np.log(-np.expm1(a - b)) + b - np.logaddexp(0.0, a) - np.logaddexp(0.0, b)
-    return terms.sum(axis=0)
-
-
 def fit_logistic_law(ends: Floats) -> tuple[float, float, float, float]:
-    """Most likely middle and scale, and the ends of the interval of the middle, in logarithms."""
+    """Most likely middle and scale of brackets [n, 2], and ends of the interval of the middle; logarithms."""
 
     def best_scale(middle: float) -> tuple[float, float]:
-        heights = log_likelihood_of_brackets(ends, middle, SCALES)
+        a, b = ((ends - middle)[:, :, None] / SCALES).transpose(1, 0, 2)
+        # logarithms of 1/(1+e^-b) - 1/(1+e^-a), whose terms may both be near 0 or near 1
+        chances = np.log(-np.expm1(a - b)) + b - np.logaddexp(0.0, a) - np.logaddexp(0.0, b)
+        heights = chances.sum(axis=0)
         k = int(np.argmax(heights))
         return float(SCALES[k]), float(heights[k])
 

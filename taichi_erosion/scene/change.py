@@ -11,7 +11,6 @@ from taichi_erosion.scene.schema.scene import Scene
 
 
 def with_section(scene: Scene, name: str, **entries: Any) -> Scene:
-    """The scene with entries of one section changed."""
     return scene.model_copy(update={name: getattr(scene, name).model_copy(update=entries)})
 
 
@@ -105,7 +104,6 @@ SAMPLE: dict[str, Any] = {  # small scene on which effects of place `scene` are 
 
 
 def sample_scene(**sections: dict[str, Any]) -> Scene:
-    """SAMPLE with entries of some sections changed."""
     table = dict(SAMPLE)
     for name, entries in sections.items():
         table[name] = table.get(name, {}) | entries

@@ -24,6 +24,7 @@ from taichi_erosion.scene.schema.wind import Wind
 
 MOST_SPHERES = 20_000_000  # in all replicas together, about 20 GB of state
 MOST_STEPS = 1e10  # a stage longer than this would take weeks
+RAYLEIGH_MOST = 0.3  # time step over the Rayleigh time, unless a longer one is forced [1]
 MOST_AIR_STEPS = 2_000_000  # likewise of air alone
 LARGEST_RATIO = 20.0  # largest over smallest grain; beyond it the neighbour search becomes slow [1]
 COURANT_MOST = 1.2  # of the fastest gust expected; the scheme is stable up to 1.7 [1]
@@ -240,10 +241,15 @@ def placed_grain_problems(scene: Scene, fill: Positions) -> Iterator[str]:
 
 def computed_number_problems(scene: Scene) -> Iterator[str]:
     """Mesh files can be read; time step and stiffness are within their limits."""
-    limits.refuse_too_long_time_step(scene)
-    steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
+    rayleigh, chosen = limits.grain_rayleigh_time(scene), limits.time_step(scene)
+    if chosen > RAYLEIGH_MOST * rayleigh and not scene.run.force_time_step:
+        key = "time_step" if scene.run.time_step is not None else "time_step_fraction"
+        step = f"a step of {chosen:.3g} s is {chosen / rayleigh:.3g} Rayleigh times ({rayleigh:.3g} s)"
+        yield f"run.{key}: {step}; at most {RAYLEIGH_MOST} unless run.force_time_step = true"
+        return
+    steps = sum(stage.duration_max for stage in scene.stages) / chosen
     if steps > MOST_STEPS:
-        yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
+        yield f"stages: {steps:.2g} steps of {chosen:.2g} s; soften grains or shorten stages"
     speed = limits.largest_expected_speed(scene)
     for name, radius, mass, young in limits.smallest_grains_of_kinds(scene):
         overlap = limits.impact_overlap(0.5 * mass, 0.5 * radius, young, speed) / radius

@@ -100,7 +100,6 @@ def load_scene(
 def load_air_scene(
     path: str | Path, overrides: Sequence[str] = (), observables: Collection[str] | None = None
 ) -> AirScene:
-    """Validated scene of air alone of a TOML file."""
     name = one_line_name(path)
     return validate(AirScene, read_toml(path), name, overrides, lambda scene: air_faults(scene, observables))
 
@@ -242,12 +241,10 @@ def keys_and_value_of_place(location: tuple[str | int, ...], table: Any) -> tupl
 
 
 def join_dotted_path(words: list[str]) -> str:
-    """Path of a place in one line."""
     return ".".join(map(printable_line, words)) or "the file"
 
 
 def short_value(value: Any) -> str:
-    """Value on one line, shortened."""
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, tuple):
@@ -273,7 +270,6 @@ def fault_lines(name: str, lines: Sequence[str]) -> list[str]:
 
 
 def first_error_line(error: Exception) -> str:
-    """First line of an exception's message."""
     lines = str(error).splitlines()
     return lines[0] if lines else type(error).__name__
 

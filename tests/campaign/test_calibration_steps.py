@@ -28,14 +28,14 @@ def test_a_bent_response_leaves_effects_and_their_certainty_alone():
     assert found[0].value == pytest.approx(2.0 * SLOPE, abs=4.0 * 2.0 * NOISE / 12**0.5)
     assert found[0].p < 0.01
     assert effects(fit)[0][0].p > 0.1  # where the bend counts as noise, nothing is seen
-    assert limits.bonferroni < found[0].value
+    assert limits["bonferroni"] < found[0].value
 
 
 def test_idle_factors_seldom_pass_the_limit_of_all_at_once():
     passed = 0
     for seed in range(100):
         found, limits = effects_and_limits(fit_model(screened(seed=seed), "angle", model_terms(9, "linear")))
-        passed += max(abs(one.value) for one in found[1:]) > limits.bonferroni
+        passed += max(abs(one.value) for one in found[1:]) > limits["bonferroni"]
     assert passed <= 11  # at most one in twenty is expected; more than 11 of 100 come by chance once in 200
 
 

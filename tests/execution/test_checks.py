@@ -8,7 +8,7 @@ from small_scene import TAPPED, WET, write_scene
 
 from taichi_erosion.effect_library import load_library
 from taichi_erosion.execution import check_scene
-from taichi_erosion.execution.checks import comparable, compatibility_key, load_checked_air_scene, read_scene
+from taichi_erosion.execution.checks import comparable, compatibility_key, load_air_scene, read_scene
 
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
@@ -113,5 +113,5 @@ def test_a_measured_value_belongs_to_its_apparatus_and_the_wind_of_its_stages_an
     name, change, is_compared
 ):
     path = SHIPPED / f"{name}.toml"
-    read = load_checked_air_scene if name == "channel" else read_scene
+    read = load_air_scene if name == "channel" else read_scene
     assert bool(comparable(path, read(path, (change,)))) == is_compared

@@ -84,8 +84,8 @@ def test_heaps_of_the_tables_with_the_advised_grains_have_the_rows_that_were_lac
 
 def test_few_hops_and_few_beds_are_told_and_no_hop_is_no_transport():
     assert flags(shortfalls.hop_shortfalls(12)) == [("few_hops", False)]
-    assert flags(shortfalls.surface_scatter_shortfalls(5.0, 28.0)) == [("unsteady_surface", True)]
-    assert flags(shortfalls.surface_scatter_shortfalls(30.0, nan)) == []
+    assert flags(shortfalls.surface_shortfalls(6.0, 5.0, 28.0)) == [("unsteady_surface", True)]
+    assert flags(shortfalls.surface_shortfalls(6.0, 30.0, nan)) == []
     assert flags(shortfalls.hop_shortfalls(0)) == flags(shortfalls.hop_shortfalls(50)) == []
     ends = [{"low": 0.29 + 0.01 * k, "high": 0.31 + 0.01 * k} for k in range(5)]
     beds = [Measurement("fluid_threshold", 0.3, 0.01, "m s-1", details=each) for each in ends]

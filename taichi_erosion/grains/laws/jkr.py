@@ -49,17 +49,6 @@ def largest_quartic_root(reduced):
 
 
 @ti.func
-def jkr_force(young, adhesion, reduced, root_radius):
-    """JKR force [N], contact radius [m] and repulsive part (4/3) E* a^3 / R* [N]."""
-    radius = root_radius * root_radius
-    length = cube_root(adhesion * radius * radius / young)
-    s = largest_quartic_root(reduced)
-    cubed = s * s * s
-    scale = (4.0 / 3.0) * adhesion * radius * cubed
-    return scale * (cubed - 3.0), length * s * s, scale * cubed
-
-
-@ti.func
 def cube_root(x):
     """Real cube root of a positive number: a third of its exponent as a guess, then Halley's method.
 
@@ -101,13 +90,15 @@ def compile_jkr(branch: str, cap: str) -> Any:
             else:
                 acts = ti.cast(overlap >= 0.0 or (engaged == 1 and reduced > -TEAR_GAP), ti.i32)
             if acts == 1 and reduced < HERTZ_LIMIT:
-                pull, neck, repulsion = jkr_force(young, adhesion, reduced, root_radius)
-                force = pull
-                contact_radius = neck
+                s = largest_quartic_root(reduced)
+                cubed = s * s * s
+                scale = (4.0 / 3.0) * adhesion * radius * cubed
+                force = scale * (cubed - 3.0)
+                contact_radius = length * s * s
                 if ti.static(cap_repulsive):
-                    cap_force = repulsion
+                    cap_force = scale * cubed
                 else:
-                    cap_force = ti.abs(pull + 6.0 * adhesion * radius)
+                    cap_force = ti.abs(force + 6.0 * adhesion * radius)
         return force, contact_radius, cap_force, acts
 
     return normal_force

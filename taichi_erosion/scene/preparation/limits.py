@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene.preparation import contacts, sizes
 from taichi_erosion.scene.preparation.fill import fall_time, highest_start, inlet_mesh, mesh_volume, saved_bed
 from taichi_erosion.scene.preparation.walls import bounding_box_of_wall, distance_to_wall
@@ -23,7 +22,6 @@ WORK_OF_SEPARATION = 3.34129  # from first touch to tear-off, in pi gamma L^2 [1
 BOND_WARNED = 50.0  # Bond number above which adhesion outweighs any weight here [1]
 STRESS_WARNED = 0.3  # cohesion over the stress at the base of the heap [1]
 OUTLET_LEAST = 5.0  # largest grains that the outlet of a funnel should be wide [1]
-RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
 HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
 NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
 DUST = 2e-5  # m, diameter below which a grain is carried in suspension (docs/physics.md)
@@ -339,12 +337,3 @@ def entry_warnings(scene: Scene) -> Iterator[str]:
     rests = search > 0 and not scene.threshold.transport
     if rests and (friction := scene.friction_velocity_of_stage(search - 1)):
         yield f"the bed settles in a wind of u* = {friction:g} m/s before its threshold is sought"
-
-
-def refuse_too_long_time_step(scene: Scene) -> None:
-    """Raise BadInput where the time step exceeds 0.3 Rayleigh times and is not forced."""
-    rayleigh, chosen = grain_rayleigh_time(scene), time_step(scene)
-    if chosen > RAYLEIGH_REFUSED * rayleigh and not scene.run.force_time_step:
-        key = "time_step" if scene.run.time_step is not None else "time_step_fraction"
-        step = f"a step of {chosen:.3g} s is {chosen / rayleigh:.3g} Rayleigh times ({rayleigh:.3g} s)"
-        raise BadInput(f"run.{key}: {step}; at most {RAYLEIGH_REFUSED} unless run.force_time_step = true")

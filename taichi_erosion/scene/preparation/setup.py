@@ -12,10 +12,8 @@ from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies,
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, bounding_radius_ratio, spheres_of_clump, union_body
 from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, primitive_table, wall_motions
-from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Positions
 from taichi_erosion.scene.schema.scene import Scene
-from taichi_erosion.scene.schema.wind import Wind
 
 SPHERE_IN_CUBE = np.pi / 6.0  # volume of a sphere over d^3 [1]
 
@@ -39,8 +37,6 @@ def replica_setup(scene: Scene, seed: int) -> Setup:
     )
     walls = sorted(scene.geometry)
     primitives = primitive_table(scene, walls)
-    x, y, z = unit_vector(scene.gravity.direction)
-    g = scene.gravity.magnitude
     setup = Setup(
         grains=grains,
         materials=tuple(names),
@@ -48,7 +44,7 @@ def replica_setup(scene: Scene, seed: int) -> Setup:
         primitives=primitives,
         surfaces=tuple(Surface(name, names.index(scene.geometry[name].material)) for name in walls),
         time_step=time_step(scene),
-        gravity=(g * x, g * y, g * z),
+        gravity=scene.gravity.vector,
         clumps=clumps,
         period=(*(scene.domain.period or (0.0, 0.0)), 0.0),
         domain=domain_box(scene, grains.position, float(grains.radius.max())),
@@ -59,12 +55,9 @@ def replica_setup(scene: Scene, seed: int) -> Setup:
         skin=scene.run.skin,
         bed=saved_bed(scene, scene.fill, seed) if isinstance(scene.fill, Bed) else None,
     )
-    return setup if scene.wind is None else add_wind_to_setup(setup, scene, scene.wind, seed)
-
-
-def add_wind_to_setup(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
-    """The same grains in a periodic patch with air."""
-    below = -10.0 * float(setup.grains.radius.max())
+    if (wind := scene.wind) is None:
+        return setup
+    below = -10.0 * float(grains.radius.max())
     domain = (0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)
     air, coupling = air_over_patch(scene, wind, setup.time_step, seed), coupling_of_patch(scene, wind, seed)
     return replace(setup, domain=domain, period=(wind.length, wind.width, 0.0), air=air, coupling=coupling)

@@ -70,6 +70,12 @@ class Gravity(fields.Section):
     magnitude: float = number(9.81, "m s-2", "acceleration of gravity", 0.0, 1e4)
     direction: Direction = direction((0.0, 0.0, -1.0), "direction of gravity at the start")
 
+    @property
+    def vector(self) -> Vector:
+        """Acceleration at the start [m s-2]."""
+        x, y, z = fields.unit_vector(self.direction)
+        return self.magnitude * x, self.magnitude * y, self.magnitude * z
+
 
 class LawChoice(fields.Section):
     """Law in every contact slot; the defaults are those of core.setup.Laws."""
@@ -348,7 +354,6 @@ def effect_problems(scene: Scene, library: Mapping[str, Collection[str]]) -> Ite
 
 
 def observable_problems(measures: Iterable[str], observables: Collection[str] | None) -> Iterator[str]:
-    """Observables that the program cannot measure."""
     for name in measures if observables is not None else ():
         if name not in (observables or ()):
             yield f"measure.{name} is unknown; known observables: {', '.join(sorted(observables or ()))}"

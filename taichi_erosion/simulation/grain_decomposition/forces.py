@@ -3,7 +3,7 @@
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.clumps import advance_clump, released_body_count
 from taichi_erosion.grains.integrate import advance_if_awake, kick_duration
-from taichi_erosion.grains.neighbour_list import ROW_SHIFT, clear_history, entry_count, side_first_entry
+from taichi_erosion.grains.neighbour_list import ROW_SHIFT, clear_history, entry_count
 from taichi_erosion.grains.pair_contacts import (
     do_pair_effects_act,
     evaluate_pair_law,
@@ -28,7 +28,7 @@ def evaluate_pair_at(world_out: ti.template(), coupling: ti.template(), buffers_
     (pairs,) = ti.static((world_out.pairs,))
     if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:
         side = world_out.replicas.side[r]
-        e = side_first_entry(pairs, r, side) + k
+        e = side_start(pairs, r, side) + k
         if e < pairs.stop[side_start(world_out.grains, r, side) + k % pairs.stride]:
             evaluate_pair_entry(world_out, buffers_out, r, k, e)
 

@@ -20,7 +20,7 @@ from taichi_erosion.grains.cells import (
     order_axes_by_cells,
 )
 from taichi_erosion.grains.clumps import record_sphere_places
-from taichi_erosion.grains.neighbour_list import entry_count, side_first_entry
+from taichi_erosion.grains.neighbour_list import entry_count
 from taichi_erosion.grains.neighbour_search import (
     copy_grain_to_rank,
     is_release_due,
@@ -202,7 +202,7 @@ def write_pairs(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     pairs_out, replicas_out = ti.static((world_out.pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
         i = side_start(world_out.grains, r, 1 - replicas_out.side[r]) + rank
-        block, stride = side_first_entry(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
+        block, stride = side_start(pairs_out, r, 1 - replicas_out.side[r]), pairs_out.stride
         first, room = block + rank, pairs_out.capacity // stride
         partners = list_partners(world_out, r, rank, first, first + room * stride)
         pairs_out.start[i] = first
@@ -241,7 +241,7 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     if is_rebuilding_grain(world_out, r, rank):
         i = side_start(world_out.grains, r, 1 - replicas_out.side[r]) + rank
-        entry = side_first_entry(entries_out, r, 1 - replicas_out.side[r])
+        entry = side_start(entries_out, r, 1 - replicas_out.side[r])
         count = list_walls_of_grain(world_out, r, rank, 0, 0)
         limit = entry + entries_out.capacity
         if count > 0:
