@@ -134,7 +134,7 @@ def possible_rows(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, f
     for k in np.unique(rows.which):
         some = settings(rows, np.flatnonzero(rows.which == k), ranges)
         alike = np.isclose(some[:, np.newaxis], held_out, rtol=1e-6, atol=0.0, equal_nan=True)
-        sets.append(some[~alike.all(axis=2).any(axis=1)])
+        sets.append(some[~np.any(np.all(alike, axis=2), axis=1)])
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
     groups = tuple(f"|{row}" for row in range(len(names)))  # each a set-up of its own
