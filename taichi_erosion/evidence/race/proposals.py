@@ -122,8 +122,7 @@ def experiment_record(
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
         expected[name_of_hypothesis(each.hypothesis)] = interval_in_unit(observable, z)
-    stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
-    conditions = {name: value for name, value in stated.items() if name != DAY}
+    conditions = {n: x for n, x in rows.conditions_at(at).items() if np.isfinite(x) and n != DAY}
     return ExperimentPart(rows.names[at], conditions, expected, chance, cost)
 
 
