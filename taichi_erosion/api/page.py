@@ -35,7 +35,9 @@ PORTION = 0.03  # s of wall time between two moments at which a page acts
 REST = 0.004  # s between two portions, for requests that wait
 ANSWER = 0.1  # s between two answers on the state
 PATIENCE = 2.0  # s until an answer without news
+LEFT = "left"  # name of the state in which a page was left
 ABSENT = 6.0  # s without a request, after which a page counts as closed
+SAME_CHANGE = 1.0  # s between two changes of one entry, up to which they are one: a slider that is drawn
 BODY_MOST = 10_000  # bytes of a command
 HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 JSON, BYTES = "application/json", "application/octet-stream"
@@ -87,7 +89,7 @@ class Page:
 
     def advance_while_playing(self) -> None:
         """Advance while it plays, portion by portion, as long as the device holds the session."""
-        while self.session.sim.device_fields_exist:
+        while self.session.ensemble.sim.device_fields_exist:
             began, steps_taken = monotonic(), 0.0
             if self.owner and began - self.latest_request > ABSENT:
                 self.save_and_leave()
@@ -144,7 +146,7 @@ class Page:
             "begin": count if has_all else 0,
             "points": points,
             "kept": [state[0].time for state in session.states],
-            "is_changed": live.revision(session) > 0,
+            "is_changed": session.revision > 0,
             "entries": str(hash(session.overrides)),
         }
 
@@ -175,11 +177,11 @@ class Page:
         return bool(name) and name == self.owner
 
     def save_and_leave(self) -> None:
-        """Pause, save the state as `last`, and write the commands that lead to it."""
+        """Pause, save the state as `left`, and write the commands that lead to it."""
         self.playing, self.owner = False, ""
         with self.turn:
             try:
-                live.save_state_as(self.session, "last")
+                live.save_state_as(self.session, LEFT)
                 if self.session.history:
                     live.write_session_commands(self.session, self.script)
             except BadInput as error:
@@ -255,7 +257,7 @@ class Handler(BaseHTTPRequestHandler):
             return 200, KINDS[name], page.files.result()[name]
         if not page.steers_session(query.get("owner", "")):
             return 409, TEXT, b"another page steers this session; close it, then this one goes on"
-        if not page.session.sim.device_fields_exist:
+        if not page.session.ensemble.sim.device_fields_exist:
             return 410, TEXT, b"another run or session has begun in this program; this one has ended"
         return page.answer(name, query, body)
 
@@ -263,7 +265,7 @@ class Handler(BaseHTTPRequestHandler):
 def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
     """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
     live.keep_sample(session)
-    page = Page(session, script, turn)
+    page, session.same_change = Page(session, script, turn), SAME_CHANGE
     try:
         server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))
     except OSError as error:

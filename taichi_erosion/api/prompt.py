@@ -12,6 +12,7 @@ import numpy as np
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
 from taichi_erosion.core.errors import BadInput, did_you_mean
+from taichi_erosion.execution import insertion
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.session import Session
 
@@ -77,13 +78,13 @@ def insert_command(session: Session, count: str, way: str = "", *place: str) -> 
             number = int(count)
     if not number:
         raise BadInput(f"usage: {usage_line('insert')}")
-    live.insert_grains(session, number, at, place[0] if way == "through" else "")
+    insertion.insert_grains(session, number, at, place[0] if way == "through" else "")
 
 
 def remove_command(session: Session, *numbers: str) -> None:
     if not all(map(str.isdigit, numbers or [""])):
         raise BadInput(f"usage: {usage_line('remove')}")
-    live.remove_grains(session, *map(int, numbers))
+    insertion.remove_grains(session, *map(int, numbers))
 
 
 def measure_command(session: Session) -> str:

@@ -18,8 +18,7 @@ from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import wind_patch_of_scene
 from taichi_erosion.execution.recorder import present_walls
 from taichi_erosion.measures.wind_bed import flux_of_frame
-from taichi_erosion.recording.readback import component_rows
-from taichi_erosion.recording.stream import close
+from taichi_erosion.recording.readback import component_rows, read_grains
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -173,27 +172,39 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     assert np.array_equal(snapshot(session.sim, 0).position, now.position)
 
 
-def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
-    recorder = live.begin_recording(session, tmp_path / "walls.rrd")
+def test_the_recording_follows_walls_and_one_that_goes_back_goes_on_in_a_new_file(session, tmp_path, capsys):
+    recorder = terminal.open_session_recorder(session, tmp_path / "walls.rrd")
+    session.callbacks.append(recorder)
     live.run_for_seconds(session, 0.002)
     live.save_state_as(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     live.run_for_seconds(session, 0.006)
-    (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
-    rise = tube.vertices[:, 2] - next(wall for wall in recorder.walls if wall.name == "tube").vertices[:, 2]
+    (tube,) = [wall for wall in present_walls(recorder.recorder.walls, session.sim, 0) if wall.name == "tube"]
+    rise = (
+        tube.vertices[:, 2]
+        - next(wall for wall in recorder.recorder.walls if wall.name == "tube").vertices[:, 2]
+    )
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     live.begin_next_stage(session)
     live.run_for_seconds(session, 0.006)
-    assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
+    assert "tube" not in {wall.name for wall in present_walls(recorder.recorder.walls, session.sim, 0)}
     live.restore_saved_state(session, "tube stands")
-    live.run_for_seconds(session, 0.006)
-    path, entity = close(recorder.recording), "world/walls/tube"
-    assert component_rows(path, entity, "Clear:is_recursive")
-    assert len(component_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
-    rows = component_rows(path, entity, "Transform3D:translation")
-    heights = {row["Transform3D:translation"][0][2]: time for time, row in rows}
-    # what the session wrote before it went back has been written over
-    assert heights[0.0] == max(heights.values())
+    live.run_for_seconds(session, 0.003)
+    live.change_entry(session, "record.every", "1e-3")
+    before = session.time
+    for _ in range(3):
+        live.run_for_seconds(session, 1e-3)
+    live.run_for_seconds(session, 1e-4)
+    first, second = tmp_path / "walls.rrd", recorder.close(session)
+    assert f"{first} ends where the session went back; {second} goes on" in capsys.readouterr().out
+    (gone,), none = (
+        component_rows(path, "world/walls/tube", "Clear:is_recursive") for path in (first, second)
+    )
+    assert (gone[0], none) == (12e6, []), "each holds one history"
+    times = [frame.time for frame in read_grains(second)]
+    assert times == sorted(set(times))
+    assert len([time for time in times if time > before]) == 4, "frames come as was set, and the last one"
+    assert times[-1] == pytest.approx(session.time)
 
 
 def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_terminal: bool) -> Path:
@@ -282,7 +293,8 @@ def flux(session) -> float:
 
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
     session = live.open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
-    recorder = live.begin_recording(session, tmp_path / "wind.rrd")
+    recorder = terminal.open_session_recorder(session, tmp_path / "wind.rrd")
+    session.callbacks.append(recorder)
     live.change_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
     live.run_for_seconds(session, 0.004)
     world, calm = session.sim.world, flux(session)
@@ -292,6 +304,6 @@ def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tm
     assert session.sim.world is world
     # what moves in the calm are grains that still settle, which dies away; the wind pulls on
     assert flux(session) > 3.0 * abs(calm)
-    times, recorded = read_series(close(recorder.recording), "transport/flux")
+    times, recorded = read_series(recorder.close(session), "transport/flux")
     assert recorded[-1] == recorded.max() > 0.0
     assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
