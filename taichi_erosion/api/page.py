@@ -35,6 +35,7 @@ PORTION = 0.03  # s of wall time between two moments at which a page acts
 REST = 0.004  # s between two portions, for requests that wait
 ANSWER = 0.1  # s between two answers on the state
 PATIENCE = 2.0  # s until an answer without news
+SLOWEST = 1e-4  # simulated s per s
 LEFT = "left"  # name of the state in which a page was left
 ABSENT = 6.0  # s without a request, after which a page counts as closed
 SAME_CHANGE = 1.0  # s between two changes of one entry, up to which they are one: a slider that is drawn
@@ -123,7 +124,7 @@ class Page:
             if name not in ("play", "run", "pause", "speed"):
                 return execute_line(self.session, line)
             if name == "speed":
-                self.speed = max(float(*words), 1e-6)
+                self.speed = parse_speed(*words)
             elif name != "pause":
                 live.raise_if_session_failed(self.session)
                 self.until_rest = words == ["until", "rest"]
@@ -189,6 +190,13 @@ class Page:
 
     def answer(self, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
         """Status, kind and content of the answer to a request of the page that steers."""
+        try:
+            return 200, *self.kind_and_content(name, query, body)
+        except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
+            return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
+
+    def kind_and_content(self, name: str, query: Mapping[str, str], body: str) -> tuple[str, bytes]:
+        """What a page asks for: picture, reply to a command, state, or entries that may change."""
         after, end = int(query.get("after", 0)), monotonic() + PATIENCE
         if name == "state":
             sleep(ANSWER)
@@ -197,23 +205,32 @@ class Page:
         if name == "frame":
             version = self.version.to_bytes(4, "little")
             grain, colour = int(query.get("grain", -1)), query.get("colour", "")
-            return 200, BYTES, version + self.viewer_messages(colour, grain, anew=after == 0)
+            return BYTES, version + self.viewer_messages(colour, grain, anew=after == 0)
         if name == "command":
-            try:
-                return 200, TEXT, self.execute_command(body).encode()
-            except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
-                return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
-        return 200, JSON, json.dumps(self.state_or_controls(name, query)).replace("NaN", "null").encode()
+            return TEXT, self.execute_command(body).encode()
+        return JSON, json.dumps(self.state_or_controls(name, query)).replace("NaN", "null").encode()
 
     def state_or_controls(self, name: str, query: Mapping[str, str]) -> Any:
-        """What a page asks for: the state, or entries that may change; nothing after it has been left."""
+        """The state, or entries that may change; nothing once the page has been left."""
         if name == "state":
             count, latest = int(query.get("count", 0)), float(query.get("latest", 0.0))
             return self.shown_state(count, latest, query.get("name", ""))
-        if name == "controls":
-            with self.turn:
-                return changeable_numbers(self.session)
-        return self.save_and_leave()
+        if name == "leave":
+            return self.save_and_leave()
+        if name != "controls":
+            raise BadInput(f"the page asks for nothing that is called '{name}'")
+        with self.turn:
+            return changeable_numbers(self.session)
+
+
+def parse_speed(*words: str) -> float:
+    """Simulated seconds per second that a command states. Raises BadInput."""
+    with suppress(ValueError):
+        if (speed := float(" ".join(words))) >= SLOWEST:
+            return speed
+    raise BadInput(
+        f"'{' '.join(words)}' is not a speed: {SLOWEST:g} simulated seconds a second or more, or inf"
+    )
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -228,7 +245,9 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         address = urlsplit(self.path)
         token, _, name = address.path[1:].partition("/")
-        body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode()
+        body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode(
+            errors="replace"
+        )
         status, kind, content = self.answer(token, name, dict(parse_qsl(address.query)), body)
         self.send_response(status)
         lines = {"Content-Type": kind, "Content-Length": str(len(content))}

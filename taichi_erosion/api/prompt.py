@@ -40,9 +40,12 @@ script FILE                run the commands in a file
 help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
 
+BYTE_ORDER_MARK = "\ufeff"  # before the first line of a file of some editors
+SCRIPTS: list[Path] = []  # that run now, each called by the one before
+
 
 def step_command(session: Session, count: str = "1") -> None:
-    if not count.isdigit():
+    if not count.isdecimal():
         raise BadInput(f"'{count}' is not a number of steps")
     live.run_session_steps(session, int(count))
 
@@ -57,10 +60,10 @@ def run_command(session: Session, *time: str) -> str | None:
 def parse_end_time(session: Session, *words: str) -> float:
     """Time [s] that is meant by `0.5s` from now on, or `to 0.5s`. Raises BadInput."""
     start = 0.0 if words[:1] == ("to",) else session.time
-    try:
-        return start + float(" ".join(words).removeprefix("to").removesuffix("s"))
-    except ValueError:
-        raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s") from None
+    with suppress(ValueError):
+        if isfinite(time := float(" ".join(words).removeprefix("to").removesuffix("s"))):
+            return start + time
+    raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s")
 
 
 def set_command(session: Session, path: str, value: str) -> str:
@@ -82,7 +85,7 @@ def insert_command(session: Session, count: str, way: str = "", *place: str) -> 
 
 
 def remove_command(session: Session, *numbers: str) -> None:
-    if not all(map(str.isdigit, numbers or [""])):
+    if not all(map(str.isdecimal, numbers or [""])):
         raise BadInput(f"usage: {usage_line('remove')}")
     insertion.remove_grains(session, *map(int, numbers))
 
@@ -158,12 +161,18 @@ def history_command(session: Session, file: str = "") -> str:
 def script_command(session: Session, file: str) -> str:
     if not Path(file).is_file():
         raise BadInput(f"{file}: no such file")
-    texts = []
-    for number, line in enumerate(Path(file).read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            texts.append(execute_line(session, line))
-        except BadInput as error:
-            raise BadInput(f"{file}: line {number}: {error}") from None
+    texts, lines = [], Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
+    if Path(file).resolve() in SCRIPTS:
+        raise BadInput(f"{file}: the script calls itself")
+    SCRIPTS.append(Path(file).resolve())
+    try:
+        for number, line in enumerate(lines, start=1):
+            try:
+                texts.append(execute_line(session, line))
+            except BadInput as error:
+                raise BadInput(f"{file}: line {number}: {error}") from None
+    finally:
+        SCRIPTS.pop()
     return "\n".join(filter(None, texts))
 
 
@@ -210,7 +219,7 @@ COMMANDS: dict[str, Callable[..., str | None]] = {
 def execute_line(session: Session, line: str) -> str:
     """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped, EOFError."""
     try:
-        name, *words = shlex.split(line, comments=True) or [""]
+        name, *words = shlex.split(line.removeprefix(BYTE_ORDER_MARK), comments=True) or [""]
     except ValueError as error:
         raise BadInput(f"{line.strip()}: {error}; a text in quotes needs both") from None
     if not name:

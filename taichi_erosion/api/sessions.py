@@ -8,13 +8,12 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-import tomlkit
 
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
 from taichi_erosion.api.notebook import result_html, table_of_rows
 from taichi_erosion.api.page import PAGES, Page, serve_page
-from taichi_erosion.api.runs import PathLike, changes_as_overrides
+from taichi_erosion.api.runs import PathLike, changes_as_overrides, value_as_toml
 from taichi_erosion.execution import insertion
 from taichi_erosion.execution import session as sessions
 from taichi_erosion.execution.grain_fields import present_grain_fields
@@ -129,7 +128,7 @@ class LiveSession:
 
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
-        sessions.change_entry(self.session, path, tomlkit.item(value).as_string())
+        sessions.change_entry(self.session, path, value_as_toml(value))
         return self
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":

@@ -15,6 +15,7 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, count, pairwise
+from math import isfinite
 from pathlib import Path
 from shlex import quote
 from time import monotonic
@@ -155,6 +156,8 @@ def run_until_time(session: Session, time: float) -> None:
     """Run until a time [s], with callbacks at every check and at the end. Raises SimulationStopped."""
     raise_if_session_failed(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
+    if not isfinite(time):
+        raise BadInput(f"run: {time} s is no time")
     if time < session.time - tolerance:
         raise BadInput(f"run: {time:g} s lie before the present {session.time:g} s; `undo` goes back")
     while session.time < time - tolerance:
@@ -186,6 +189,8 @@ def run_for_seconds(session: Session, seconds: float) -> None:
 
 
 def run_session_steps(session: Session, steps: int) -> None:
+    if steps != int(steps):
+        raise BadInput(f"step: {steps} is no whole number")
     run_until_time(session, session.time + steps * session.time_step)
 
 
