@@ -124,7 +124,9 @@ class Page:
             if name not in ("play", "run", "pause", "speed"):
                 return execute_line(self.session, line)
             if name == "speed":
-                self.speed = parse_speed(*words)
+                if not float(" ".join(words)) >= SLOWEST:
+                    raise BadInput(f"speed: {SLOWEST:g} simulated seconds a second or more, or inf")
+                self.speed = float(" ".join(words))
             elif name != "pause":
                 live.raise_if_session_failed(self.session)
                 self.until_rest = words == ["until", "rest"]
@@ -221,16 +223,6 @@ class Page:
             raise BadInput(f"the page asks for nothing that is called '{name}'")
         with self.turn:
             return changeable_numbers(self.session)
-
-
-def parse_speed(*words: str) -> float:
-    """Simulated seconds per second that a command states. Raises BadInput."""
-    with suppress(ValueError):
-        if (speed := float(" ".join(words))) >= SLOWEST:
-            return speed
-    raise BadInput(
-        f"'{' '.join(words)}' is not a speed: {SLOWEST:g} simulated seconds a second or more, or inf"
-    )
 
 
 class Handler(BaseHTTPRequestHandler):

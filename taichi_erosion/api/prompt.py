@@ -41,7 +41,6 @@ help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
 
 BYTE_ORDER_MARK = "\ufeff"  # before the first line of a file of some editors
-SCRIPTS: list[Path] = []  # that run now, each called by the one before
 
 
 def step_command(session: Session, count: str = "1") -> None:
@@ -162,17 +161,13 @@ def script_command(session: Session, file: str) -> str:
     if not Path(file).is_file():
         raise BadInput(f"{file}: no such file")
     texts, lines = [], Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
-    if Path(file).resolve() in SCRIPTS:
-        raise BadInput(f"{file}: the script calls itself")
-    SCRIPTS.append(Path(file).resolve())
-    try:
-        for number, line in enumerate(lines, start=1):
-            try:
-                texts.append(execute_line(session, line))
-            except BadInput as error:
-                raise BadInput(f"{file}: line {number}: {error}") from None
-    finally:
-        SCRIPTS.pop()
+    for number, line in enumerate(lines, start=1):
+        try:
+            if line.split()[:1] == ["script"]:
+                raise BadInput("a script runs no other")
+            texts.append(execute_line(session, line))
+        except BadInput as error:
+            raise BadInput(f"{file}: line {number}: {error}") from None
     return "\n".join(filter(None, texts))
 
 

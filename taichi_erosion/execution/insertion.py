@@ -6,7 +6,7 @@ from math import inf, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from taichi_erosion import simulation
 from taichi_erosion.core.errors import BadInput
@@ -27,27 +27,21 @@ def insert_grains(session: Session, count: int, at: Sequence[float], inlet: str)
     """Let grains of the scene in from now on, as `pour_with_inlets_open` says. Raises BadInput."""
     scene, setup = session.ensemble.scenes[0], session.sim.setups[0]
     if not 1 <= count <= MOST or setup.clumps is not None or (count > 1 and not any(setup.gravity)):
-        raise BadInput(
-            f"insert: 1 to {MOST:,} spheres, with gravity, without which they would not fall clear"
-        )
+        raise BadInput(f"insert: 1 to {MOST:,} spheres, with gravity, or they would not fall clear")
     sample = {"grains": scene.grains.model_copy(update={"count": count})}
     fill = {"fill": pour_with_inlets_open(scene, session.time, at, inlet, setup.grains.release_time.max())}
     new = replica_setup(scene.model_copy(update=sample | fill), session.seed + len(setup.grains.mass)).grains
     if at:
         refuse_place_outside(session, new)
-    refuse_place_of_grains(session, new)
+    begun = len(setup.grains.mass) - simulation.count_waiting_spheres(session.sim, 0)
+    refuse_place_of_grains(session, new, begun)
     keep_state_if_due(session, is_due=True)
     lay_bed_of_search(session)
     state, place = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
-    grains = append_grains_by_release(setup.grains, begun_grains(session), new)
+    grains = append_grains_by_release(setup.grains, begun, new)
     place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
     sim = build_ensemble(session.scene, session.seed, session.library, grains).sim
     replace_simulation(session, sim, state, f"insert {count}{place}")
-
-
-def begun_grains(session: Session) -> int:
-    """Grains that have been released, rows of the GrainTable before those that wait."""
-    return len(session.sim.setups[0].grains.mass) - simulation.count_waiting_spheres(session.sim, 0)
 
 
 def refuse_place_outside(session: Session, new: GrainTable) -> None:
@@ -65,21 +59,17 @@ def refuse_place_outside(session: Session, new: GrainTable) -> None:
             raise BadInput(f"insert: the wall '{name}' is there; name another place")
 
 
-def refuse_place_of_grains(session: Session, new: GrainTable) -> None:
-    """Raise BadInput where grains would begin in one that is there, or that is let in as they are."""
-    setup, here = session.sim.setups[0], simulation.snapshot(session.sim, 0)
-    waiting, gravity = slice(begun_grains(session), None), float(np.linalg.norm(setup.gravity))
-    radius = np.concatenate([here.radius, setup.grains.radius[waiting]])
-    place = np.concatenate([here.position, setup.grains.position[waiting]])
-    time = np.append(np.full(len(here.radius), session.time), setup.grains.release_time[waiting])
-    reach = float(radius.max(initial=0.0) + new.radius.max())
-    fall = sqrt(2.0 * reach / gravity) if gravity else inf  # s, in which a grain is clear of the next one
-    both = (new.position, new.release_time), (place, time)  # time counts as a length: near in both is near
-    after, before = (KDTree(np.column_stack([x, t * reach / fall])) for x, t in both)
-    pairs = after.sparse_distance_matrix(before, sqrt(2.0) * reach, output_type="coo_matrix")
-    i, j = pairs.row, pairs.col
-    gaps = np.linalg.norm(new.position[i] - place[j], axis=1) - new.radius[i] - radius[j]
-    if ((gaps < 0.0) & (abs(new.release_time[i] - time[j]) < fall)).any():
+def refuse_place_of_grains(session: Session, new: GrainTable, begun: int) -> None:
+    """Raise BadInput where the first grains would begin in one that is there, or soon comes there."""
+    table, here, time = session.sim.setups[0].grains, simulation.snapshot(session.sim, 0), session.time
+    gravity, largest = float(np.linalg.norm(session.sim.setups[0].gravity)), float(table.radius.max())
+    clear = time + sqrt(4.0 * largest / gravity) if gravity else inf  # s, when the first have fallen clear
+    soon, first = np.flatnonzero(table.release_time < clear), new.release_time <= time
+    soon = soon[soon >= begun]
+    places = np.concatenate([here.position, table.position[soon]])
+    radii = np.concatenate([here.radius, table.radius[soon]])
+    gaps = cdist(new.position[first], places) - new.radius[first][:, None] - radii
+    if gaps.min(initial=inf) < 0.0:
         raise BadInput("insert: a grain lies there already; name another place")
 
 

@@ -1,21 +1,15 @@
 """Interactive session: one replica of a scene, advanced, changed and asked by calls.
 
-    from taichi_erosion.execution.session import measure_now, open_session, run_for_seconds, change_entry
-
-    session = open_session("scenes/funnel_repose.toml")
-    run_for_seconds(session, 0.5)
-    change_entry(session, "contact.soil-soil.friction_rolling", "0.3")
-    run_for_seconds(session, 0.5)
-    print(measure_now(session))
-
 Contact parameters, gravity, wind and the strength of effects that the session began with change at once, with
 nothing compiled anew; an effect that was not there is compiled in, which takes seconds.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from itertools import chain, count, pairwise
-from math import isfinite
+from math import inf
+from operator import index
 from pathlib import Path
 from shlex import quote
 from time import monotonic
@@ -32,7 +26,6 @@ from taichi_erosion.execution import stages as staging
 from taichi_erosion.execution.ensemble_loop import EnsembleRun, advance_to_next_check, failure_message
 from taichi_erosion.execution.observables import measure_observable
 from taichi_erosion.execution.result import apply_instruments
-from taichi_erosion.execution.threshold_search import copy_search
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import film_frame, png_bytes
@@ -43,8 +36,8 @@ from taichi_erosion.simulation import Simulation
 
 RUN_TO = "run to"  # command of the history: runs of several calls become one
 STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
-PHYSICS = ("contact", "gravity", "wind", "effects", "conditions")  # sections that act on grains
-LIVE = (*PHYSICS, "measured", "record", "measure")  # sections that may change
+READ_UNDER = {"contact", "gravity", "wind", "effects", "conditions", "measure"}  # what frames depend on
+LIVE = ("contact", "gravity", "wind", "effects", "conditions", "measured", "record", "measure")  # may change
 LIVE_WIND = ("friction_velocity", "through_flow")  # entries of the wind that may change, as stages do
 KEEP_EVERY = 0.25  # s of wall time between two states that are kept
 KEEP_SHARE = 0.05  # largest share of the wall time for that [1]
@@ -79,13 +72,9 @@ class Session:
     @property
     def sim(self) -> Simulation:
         """Its simulation. Raises BadInput where the device holds another one."""
-        self.refuse_lost_device()
-        return self.ensemble.sim
-
-    def refuse_lost_device(self) -> None:
-        """Raise BadInput where the device holds another run."""
         if not self.ensemble.sim.device_fields_exist:
             raise BadInput("another run or session has begun in this program since; open this one again")
+        return self.ensemble.sim
 
     @property
     def state(self) -> staging.ReplicaState:
@@ -156,10 +145,10 @@ def run_until_time(session: Session, time: float) -> None:
     """Run until a time [s], with callbacks at every check and at the end. Raises SimulationStopped."""
     raise_if_session_failed(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
-    if not isfinite(time):
-        raise BadInput(f"run: {time} s is no time")
-    if time < session.time - tolerance:
-        raise BadInput(f"run: {time:g} s lie before the present {session.time:g} s; `undo` goes back")
+    if not session.time - tolerance <= time < inf:
+        raise BadInput(
+            f"run: {time:g} s do not lie ahead of the present {session.time:g} s; `undo` goes back"
+        )
     while session.time < time - tolerance:
         keep_state_if_due(session)
         if time < ensemble.time + ensemble.check_interval - tolerance:
@@ -178,8 +167,7 @@ def run_until_time(session: Session, time: float) -> None:
 
 
 def raise_if_session_failed(session: Session) -> None:
-    """Raise SimulationStopped where a check has failed, BadInput where the device holds another run."""
-    session.refuse_lost_device()
+    """Raise SimulationStopped where a check has failed."""
     if session.state.failure is not None:
         raise SimulationStopped(failure_message(session.state.failure, session.seed))
 
@@ -189,9 +177,7 @@ def run_for_seconds(session: Session, seconds: float) -> None:
 
 
 def run_session_steps(session: Session, steps: int) -> None:
-    if steps != int(steps):
-        raise BadInput(f"step: {steps} is no whole number")
-    run_until_time(session, session.time + steps * session.time_step)
+    run_until_time(session, session.time + index(steps) * session.time_step)
 
 
 def run_until_rest(session: Session) -> bool:
@@ -221,8 +207,10 @@ def change_entry(session: Session, path: str, value: str) -> str:
     if not names_of_changed_fields(session.scene, scene):
         return f"{path} is {value} already"
     library = checks.library_of(scene)
-    refuse_fixed_entries(session, scene, simulation.effective_scene(scene, library))
-    overrides += orders_of_changed_wind(session, scene)
+    refuse_fixed_entries(session, simulation.effective_scene(scene, library))
+    changed = names_of_changed_fields(session.scene.wind, scene.wind) if scene.wind else ()
+    order = f"stages.{session.state.stage}"  # the wind that its present stage orders is what blows
+    overrides += tuple(f"{order}.{name}={getattr(scene.wind, name)!r}" for name in changed)
     scene = checks.read_scene(session.path, overrides, session.effect_files)
     if session.latest_change[0] != path or monotonic() - session.latest_change[1] > session.same_change:
         keep_state_if_due(session, is_due=True)
@@ -234,27 +222,16 @@ def change_entry(session: Session, path: str, value: str) -> str:
     return outcome
 
 
-def orders_of_changed_wind(session: Session, scene: Scene) -> tuple[str, ...]:
-    """Overrides by which the present stage orders the wind of a scene, where a stage has ordered one."""
-    if session.scene.wind is None or scene.wind is None:
-        return ()
-    place, names = session.state.stage, names_of_changed_fields(session.scene.wind, scene.wind)
-    begun = scene.stages[: place + 1]
-    ordered = [name for name in names if any(getattr(stage, name) is not None for stage in begun)]
-    return tuple(f"stages.{place}.{name}={getattr(scene.wind, name)!r}" for name in ordered)
-
-
-def refuse_fixed_entries(session: Session, scene: Scene, after: Scene) -> None:
-    """Raise BadInput where a scene, with its effects `after`, changes what a run has begun with."""
+def refuse_fixed_entries(session: Session, after: Scene) -> None:
+    """Raise BadInput where a scene, after its effects, changes what a run has begun with."""
     before = session.ensemble.scenes[0]
     fixed = [name for name in names_of_changed_fields(before, after) if name not in LIVE]
-    if before.wind is None or after.wind is None:
-        changed = names_of_changed_fields(session.scene, scene) + names_of_changed_fields(before, after)
-        fixed += {"wind"} & set(changed)
-    else:
+    if before.wind is not None and after.wind is not None:
         live = LIVE_WIND[session.state.search is not None :]  # a search for thresholds has its own winds
-        entries = set(names_of_changed_fields(before.wind, after.wind)).difference(live)
-        fixed += [f"wind.{name}" for name in sorted(entries)]
+        entries = names_of_changed_fields(before.wind, after.wind)
+        fixed += [f"wind.{name}" for name in entries if name not in live]
+    elif before.wind is not after.wind:
+        fixed.append("wind")
     if fixed:
         raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
 
@@ -274,19 +251,20 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect]) 
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
     changed = {*names_of_changed_fields(session.scene, scene), *names_of_changed_fields(before, after)}
     effects = simulation.device_effects(after, library, float(sim.setups[0].grains.radius.max()))
-    is_compiled = True
-    if changed & {*PHYSICS}:
-        lay_bed_of_search(session)
-        simulation.set_contacts(sim, 0, contact_table(after))
-        set_gravity_and_wind(session, before, after)
-        is_compiled = simulation.set_replica_effects(sim, 0, effects) and has_upflow_it_needs(sim, after)
+    if not changed & READ_UNDER:
+        session.ensemble = replace(session.ensemble, scenes=[after])
+        return "at once"
+    lay_bed_of_search(session)
+    simulation.set_contacts(sim, 0, contact_table(after))
+    set_gravity_and_wind(session, before, after)
+    rises = after.wind is not None and after.wind.through_flow != 0.0
+    is_compiled = simulation.set_replica_effects(sim, 0, effects) and rises <= sim.coupling.has_through_flow
     if not is_compiled:
         state = simulation.export_state(sim)
         sim = build_ensemble(scene, session.seed, library, sim.setups[0].grains).sim
         simulation.import_state(sim, state)
     session.ensemble = replace(session.ensemble, scenes=[after], sim=sim)
-    if changed & {*PHYSICS, "measure"}:
-        staging.begin_readings(sim, after, 0, session.state, session.time)
+    staging.begin_readings(sim, after, 0, session.state, session.time)
     return "at once" if is_compiled else "after building it in"
 
 
@@ -309,11 +287,6 @@ def set_gravity_and_wind(session: Session, before: Scene, after: Scene) -> None:
         simulation.set_upflow(sim, 0, after.wind.through_flow)
 
 
-def has_upflow_it_needs(sim: Simulation, scene: Scene) -> bool:
-    """Whether air can rise through the bed of a simulation, where a scene asks for it."""
-    return scene.wind is None or scene.wind.through_flow == 0.0 or sim.coupling.has_through_flow
-
-
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables now, of the frames of the stage if there are any; of past stages as at their ends."""
     scene, state = session.scene, session.state
@@ -327,12 +300,11 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def copy_session_lists(session: Session) -> Session:
-    copies = {
-        name: value.copy() for name, value in vars(session.state).items() if isinstance(value, list | dict)
-    }
-    if session.state.search is not None:
-        copies |= {"search": copy_search(session.state.search)}
-    ensemble = replace(session.ensemble, states=[replace(session.state, **copies)])
+    state, search = session.state, session.state.search
+    lists = {name: value.copy() for name, value in vars(state).items() if isinstance(value, list | dict)}
+    shared = {id(part): part for part in (search.bed, search.scene)} if search else {}
+    state = replace(state, search=deepcopy(search, shared), **lists)
+    ensemble = replace(session.ensemble, states=[state])
     return replace(session, ensemble=ensemble, samples=[*session.samples], history=[*session.history])
 
 

@@ -14,7 +14,7 @@ threshold nothing happens for long: in a steady wind a trial ends early once the
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import ceil, log, sqrt
 from typing import Any, Literal
 
@@ -153,12 +153,6 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     search.trial = begin_trial(sim, replica, wind, time)
     if search.phase == "ramp":
         search.trial.start, search.trial.rolling, search.trial.risen = old.start, old.rolling, old.risen
-
-
-def copy_search(search: ThresholdSearch) -> ThresholdSearch:
-    """A search that goes on by itself from here."""
-    lists = {"brackets": {**search.brackets}, "fluxes": [*search.fluxes]}
-    return replace(search, trial=replace(search.trial, flux=[*search.trial.flux]), **lists)
 
 
 def lift_grains_that_left_bed(sim: Simulation, replica: int, search: ThresholdSearch) -> None:

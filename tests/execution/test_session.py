@@ -87,7 +87,7 @@ def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
     live.run_for_seconds(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
-    with pytest.raises(BadInput, match="lie before the present"):
+    with pytest.raises(BadInput, match="ahead of the present"):
         live.run_for_seconds(session, -1.0)
 
 
