@@ -160,7 +160,7 @@ def history_command(session: Session, file: str = "") -> str:
 def script_command(session: Session, file: str) -> str:
     if not Path(file).is_file():
         raise BadInput(f"{file}: no such file")
-    texts, lines = [], Path(file).read_text(encoding="utf-8", errors="replace").splitlines()
+    texts, lines = [], Path(file).read_text(encoding="utf-8-sig", errors="replace").splitlines()
     for number, line in enumerate(lines, start=1):
         try:
             if line.split()[:1] == ["script"]:

@@ -212,10 +212,11 @@ def change_entry(session: Session, path: str, value: str) -> str:
     order = f"stages.{session.state.stage}"  # the wind that its present stage orders is what blows
     overrides += tuple(f"{order}.{name}={getattr(scene.wind, name)!r}" for name in changed)
     scene = checks.read_scene(session.path, overrides, session.effect_files)
-    if session.latest_change[0] != path or monotonic() - session.latest_change[1] > session.same_change:
+    is_new = session.latest_change[0] != path or monotonic() - session.latest_change[1] > session.same_change
+    if is_new:
         keep_state_if_due(session, is_due=True)
-        session.revision += 1
     outcome = apply_change(session, scene, library)
+    session.revision += is_new
     session.scene, session.overrides, session.library = scene, overrides, library
     session.history.append(f"set {path} {quote(value)}")
     session.latest_change = path, monotonic()
