@@ -36,8 +36,8 @@ from taichi_erosion.simulation import Simulation
 
 RUN_TO = "run to"  # command of the history: runs of several calls become one
 STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
-READ_UNDER = {"contact", "gravity", "wind", "effects", "conditions", "measure"}  # what frames depend on
-LIVE = ("contact", "gravity", "wind", "effects", "conditions", "measured", "record", "measure")  # may change
+PHYSICS = ("contact", "gravity", "wind", "effects", "conditions")  # sections that act on grains
+LIVE = (*PHYSICS, "measured", "record", "measure")  # sections that may change
 LIVE_WIND = ("friction_velocity", "through_flow")  # entries of the wind that may change, as stages do
 KEEP_EVERY = 0.25  # s of wall time between two states that are kept
 KEEP_SHARE = 0.05  # largest share of the wall time for that [1]
@@ -252,7 +252,9 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect]) 
         raise BadInput("this effect changes a contact law, which is compiled in: begin the session with it")
     changed = {*names_of_changed_fields(session.scene, scene), *names_of_changed_fields(before, after)}
     effects = simulation.device_effects(after, library, float(sim.setups[0].grains.radius.max()))
-    if not changed & READ_UNDER:
+    if "measure" in changed:
+        session.state.begin_frames(session.time)
+    if not changed.intersection(PHYSICS):
         session.ensemble = replace(session.ensemble, scenes=[after])
         return "at once"
     lay_bed_of_search(session)

@@ -56,6 +56,10 @@ class ReplicaState:
         if text not in self.warnings:
             self.warnings.append(text)
 
+    def begin_frames(self, time: float) -> None:
+        """Take frames from a time [s] on, and let those before go."""
+        self.read_from, self.frames, self.tilts, self.airs, self.loads = time, [], [], [], []
+
 
 def count_whole_intervals(time: float, interval: float) -> int:
     """Number of whole intervals in a time, up to rounding."""
@@ -97,7 +101,7 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
 def begin_readings(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
     """Take frames and search thresholds anew from a time [s], where what acts on the grains has changed."""
     state.energy = None
-    state.read_from, state.frames, state.tilts, state.airs, state.loads = time, [], [], [], []
+    state.begin_frames(time)
     if scene.stages[state.stage].until == "threshold":
         state.search = begin_search(sim, scene, replica, time)
 
