@@ -35,7 +35,10 @@ PORTION = 0.03  # s of wall time between two moments at which a page acts
 REST = 0.004  # s between two portions, for requests that wait
 ANSWER = 0.1  # s between two answers on the state
 PATIENCE = 2.0  # s until an answer without news
+SLOWEST = 1e-4  # simulated s per s
+LEFT = "left"  # name of the state in which a page was left
 ABSENT = 6.0  # s without a request, after which a page counts as closed
+SAME_CHANGE = 1.0  # s between two changes of one entry, up to which they are one: a slider that is drawn
 BODY_MOST = 10_000  # bytes of a command
 HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
 JSON, BYTES = "application/json", "application/octet-stream"
@@ -87,7 +90,7 @@ class Page:
 
     def advance_while_playing(self) -> None:
         """Advance while it plays, portion by portion, as long as the device holds the session."""
-        while self.session.sim.device_fields_exist:
+        while self.session.ensemble.sim.device_fields_exist:
             began, steps_taken = monotonic(), 0.0
             if self.owner and began - self.latest_request > ABSENT:
                 self.save_and_leave()
@@ -121,7 +124,9 @@ class Page:
             if name not in ("play", "run", "pause", "speed"):
                 return execute_line(self.session, line)
             if name == "speed":
-                self.speed = max(float(*words), 1e-6)
+                if not float(" ".join(words)) >= SLOWEST:
+                    raise BadInput(f"speed: {SLOWEST:g} simulated seconds a second or more, or inf")
+                self.speed = float(" ".join(words))
             elif name != "pause":
                 live.raise_if_session_failed(self.session)
                 self.until_rest = words == ["until", "rest"]
@@ -144,7 +149,7 @@ class Page:
             "begin": count if has_all else 0,
             "points": points,
             "kept": [state[0].time for state in session.states],
-            "is_changed": live.revision(session) > 0,
+            "is_changed": session.revision > 0,
             "entries": str(hash(session.overrides)),
         }
 
@@ -175,11 +180,11 @@ class Page:
         return bool(name) and name == self.owner
 
     def save_and_leave(self) -> None:
-        """Pause, save the state as `last`, and write the commands that lead to it."""
+        """Pause, save the state as `left`, and write the commands that lead to it."""
         self.playing, self.owner = False, ""
         with self.turn:
             try:
-                live.save_state_as(self.session, "last")
+                live.save_state_as(self.session, LEFT)
                 if self.session.history:
                     live.write_session_commands(self.session, self.script)
             except BadInput as error:
@@ -187,6 +192,13 @@ class Page:
 
     def answer(self, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
         """Status, kind and content of the answer to a request of the page that steers."""
+        try:
+            return 200, *self.kind_and_content(name, query, body)
+        except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
+            return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
+
+    def kind_and_content(self, name: str, query: Mapping[str, str], body: str) -> tuple[str, bytes]:
+        """What a page asks for: picture, reply to a command, state, or entries that may change."""
         after, end = int(query.get("after", 0)), monotonic() + PATIENCE
         if name == "state":
             sleep(ANSWER)
@@ -195,23 +207,22 @@ class Page:
         if name == "frame":
             version = self.version.to_bytes(4, "little")
             grain, colour = int(query.get("grain", -1)), query.get("colour", "")
-            return 200, BYTES, version + self.viewer_messages(colour, grain, anew=after == 0)
+            return BYTES, version + self.viewer_messages(colour, grain, anew=after == 0)
         if name == "command":
-            try:
-                return 200, TEXT, self.execute_command(body).encode()
-            except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
-                return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
-        return 200, JSON, json.dumps(self.state_or_controls(name, query)).replace("NaN", "null").encode()
+            return TEXT, self.execute_command(body).encode()
+        return JSON, json.dumps(self.state_or_controls(name, query)).replace("NaN", "null").encode()
 
     def state_or_controls(self, name: str, query: Mapping[str, str]) -> Any:
-        """What a page asks for: the state, or entries that may change; nothing after it has been left."""
+        """The state, or entries that may change; nothing once the page has been left."""
         if name == "state":
             count, latest = int(query.get("count", 0)), float(query.get("latest", 0.0))
             return self.shown_state(count, latest, query.get("name", ""))
-        if name == "controls":
-            with self.turn:
-                return changeable_numbers(self.session)
-        return self.save_and_leave()
+        if name == "leave":
+            return self.save_and_leave()
+        if name != "controls":
+            raise BadInput(f"the page asks for nothing that is called '{name}'")
+        with self.turn:
+            return changeable_numbers(self.session)
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -226,7 +237,9 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         address = urlsplit(self.path)
         token, _, name = address.path[1:].partition("/")
-        body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode()
+        body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode(
+            errors="replace"
+        )
         status, kind, content = self.answer(token, name, dict(parse_qsl(address.query)), body)
         self.send_response(status)
         lines = {"Content-Type": kind, "Content-Length": str(len(content))}
@@ -255,7 +268,7 @@ class Handler(BaseHTTPRequestHandler):
             return 200, KINDS[name], page.files.result()[name]
         if not page.steers_session(query.get("owner", "")):
             return 409, TEXT, b"another page steers this session; close it, then this one goes on"
-        if not page.session.sim.device_fields_exist:
+        if not page.session.ensemble.sim.device_fields_exist:
             return 410, TEXT, b"another run or session has begun in this program; this one has ended"
         return page.answer(name, query, body)
 
@@ -263,7 +276,7 @@ class Handler(BaseHTTPRequestHandler):
 def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
     """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
     live.keep_sample(session)
-    page = Page(session, script, turn)
+    page, session.same_change = Page(session, script, turn), SAME_CHANGE
     try:
         server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))
     except OSError as error:

@@ -12,6 +12,7 @@ import numpy as np
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
 from taichi_erosion.core.errors import BadInput, did_you_mean
+from taichi_erosion.execution import insertion
 from taichi_erosion.execution import session as live
 from taichi_erosion.execution.session import Session
 
@@ -39,9 +40,11 @@ script FILE                run the commands in a file
 help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
 
+BYTE_ORDER_MARK = "\ufeff"  # before the first line of a file of some editors
+
 
 def step_command(session: Session, count: str = "1") -> None:
-    if not count.isdigit():
+    if not count.isdecimal():
         raise BadInput(f"'{count}' is not a number of steps")
     live.run_session_steps(session, int(count))
 
@@ -56,10 +59,10 @@ def run_command(session: Session, *time: str) -> str | None:
 def parse_end_time(session: Session, *words: str) -> float:
     """Time [s] that is meant by `0.5s` from now on, or `to 0.5s`. Raises BadInput."""
     start = 0.0 if words[:1] == ("to",) else session.time
-    try:
-        return start + float(" ".join(words).removeprefix("to").removesuffix("s"))
-    except ValueError:
-        raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s") from None
+    with suppress(ValueError):
+        if isfinite(time := float(" ".join(words).removeprefix("to").removesuffix("s"))):
+            return start + time
+    raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s")
 
 
 def set_command(session: Session, path: str, value: str) -> str:
@@ -77,13 +80,13 @@ def insert_command(session: Session, count: str, way: str = "", *place: str) -> 
             number = int(count)
     if not number:
         raise BadInput(f"usage: {usage_line('insert')}")
-    live.insert_grains(session, number, at, place[0] if way == "through" else "")
+    insertion.insert_grains(session, number, at, place[0] if way == "through" else "")
 
 
 def remove_command(session: Session, *numbers: str) -> None:
-    if not all(map(str.isdigit, numbers or [""])):
+    if not all(map(str.isdecimal, numbers or [""])):
         raise BadInput(f"usage: {usage_line('remove')}")
-    live.remove_grains(session, *map(int, numbers))
+    insertion.remove_grains(session, *map(int, numbers))
 
 
 def measure_command(session: Session) -> str:
@@ -157,9 +160,11 @@ def history_command(session: Session, file: str = "") -> str:
 def script_command(session: Session, file: str) -> str:
     if not Path(file).is_file():
         raise BadInput(f"{file}: no such file")
-    texts = []
-    for number, line in enumerate(Path(file).read_text(encoding="utf-8").splitlines(), start=1):
+    texts, lines = [], Path(file).read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    for number, line in enumerate(lines, start=1):
         try:
+            if line.split()[:1] == ["script"]:
+                raise BadInput("a script runs no other")
             texts.append(execute_line(session, line))
         except BadInput as error:
             raise BadInput(f"{file}: line {number}: {error}") from None
@@ -209,7 +214,7 @@ COMMANDS: dict[str, Callable[..., str | None]] = {
 def execute_line(session: Session, line: str) -> str:
     """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped, EOFError."""
     try:
-        name, *words = shlex.split(line, comments=True) or [""]
+        name, *words = shlex.split(line.removeprefix(BYTE_ORDER_MARK), comments=True) or [""]
     except ValueError as error:
         raise BadInput(f"{line.strip()}: {error}; a text in quotes needs both") from None
     if not name:

@@ -166,7 +166,7 @@ def sweep(
     """
     from taichi_erosion.campaign import sweep as sweeps
 
-    entries = [tomlkit.item(value).as_string() for value in values]
+    entries = [value_as_toml(value) for value in values]
     with progress_bar("sweeping") as report:
         where = Path(folder), None, None
         overrides = changes_as_overrides(changes, {}, ())
@@ -184,7 +184,15 @@ def changes_as_overrides(
         if "__" not in name:
             raise BadInput(f"no option '{name}'; there are {', '.join(options)}, and SECTION__ENTRY")
     settings = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
-    return tuple(f"{path}={tomlkit.item(value).as_string()}" for path, value in settings.items())
+    return tuple(f"{path}={value_as_toml(value)}" for path, value in settings.items())
+
+
+def value_as_toml(value: Any) -> str:
+    """A value as TOML writes it, one of NumPy too. Raises BadInput."""
+    try:
+        return tomlkit.item(value.tolist() if hasattr(value, "tolist") else value).as_string()
+    except ValueError:
+        raise BadInput(f"{value!r} is no value of a scene: those are numbers, texts, lists, tables") from None
 
 
 def open_run(file: PathLike) -> Run:

@@ -8,13 +8,13 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-import tomlkit
 
 from taichi_erosion import simulation
 from taichi_erosion.api import session_entries as entries
 from taichi_erosion.api.notebook import result_html, table_of_rows
 from taichi_erosion.api.page import PAGES, Page, serve_page
-from taichi_erosion.api.runs import PathLike, changes_as_overrides
+from taichi_erosion.api.runs import PathLike, changes_as_overrides, value_as_toml
+from taichi_erosion.execution import insertion
 from taichi_erosion.execution import session as sessions
 from taichi_erosion.execution.grain_fields import present_grain_fields
 from taichi_erosion.verification.effect_contract import examine_effect_files
@@ -128,17 +128,17 @@ class LiveSession:
 
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
-        sessions.change_entry(self.session, path, tomlkit.item(value).as_string())
+        sessions.change_entry(self.session, path, value_as_toml(value))
         return self
 
     def insert(self, count: int, at: Sequence[float] = (), inlet: str = "") -> "LiveSession":
         """Let grains in at a place [m], through an inlet, or all inlets. Raises BadInput."""
-        sessions.insert_grains(self.session, count, at, inlet)
+        insertion.insert_grains(self.session, count, at, inlet)
         return self
 
     def remove(self, *numbers: int) -> "LiveSession":
         """Take grains out by their numbers. Raises BadInput."""
-        sessions.remove_grains(self.session, *map(int, numbers))
+        insertion.remove_grains(self.session, *map(int, numbers))
         return self
 
     def get(self, path: str) -> Any:
@@ -194,7 +194,8 @@ class LiveSession:
         return sessions.write_side_picture(self.session, Path(to))
 
     def __repr__(self) -> str:
-        return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {self.status['stage']})"
+        stage = self.session.scene.stages[self.session.state.stage].name
+        return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {stage})"
 
     def _repr_html_(self) -> str:
         frame = f'<iframe src="{self.page.address}" width="100%" height="{PAGE_HEIGHT}"></iframe>'

@@ -16,8 +16,10 @@ from taichi_erosion.api.page import Page
 from taichi_erosion.api.prompt import COMMANDS, execute_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.execution import session as live
-from taichi_erosion.execution.scene_run import defer_signals
+from taichi_erosion.execution.recorder import Recorder, log_present_frame, open_recorder
+from taichi_erosion.execution.scene_run import defer_signals, scene_text_with_overrides
 from taichi_erosion.execution.session import Session
+from taichi_erosion.execution.stages import count_whole_intervals
 from taichi_erosion.recording import stream
 from taichi_erosion.scene import resolve
 from taichi_erosion.scene.paths import leaf_entries
@@ -38,6 +40,49 @@ class Sampler:
             self.latest_print = monotonic()
             numbers = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
             typer.echo(f"{now['time_s']:.6g} s  {'  '.join(numbers)}")
+
+
+@dataclass
+class SessionRecorder:
+    """Callback that writes a frame when one is due.
+
+    A recording holds one history: where the session went back, it ends and a new one goes on.
+    """
+
+    path: Path  # of the first recording
+    recorder: Recorder
+    returns: int  # of the session to earlier states, when the present recording was begun
+    latest: float = -inf  # s, time of the latest frame
+
+    def __call__(self, session: Session) -> None:
+        if self.returns != session.returns:
+            before = stream.close(self.recorder.recording)
+            new = open_session_recorder(session, after := live.unused_path(self.path))
+            self.recorder, self.returns, self.latest = new.recorder, new.returns, new.latest
+            typer.echo(f"{before} ends where the session went back; {after} goes on from there")
+        due = count_whole_intervals(session.time, session.scene.record.every) + 1
+        if due != self.recorder.frames:
+            self.recorder.frames = due
+            self.log_frame(session)
+
+    def log_frame(self, session: Session) -> None:
+        log_present_frame(self.recorder, session.sim, session.scene)
+        self.latest = session.time
+
+    def close(self, session: Session) -> Path:
+        """Write the state at the end, unless it is there or of another history, and close the file."""
+        if session.time > self.latest and self.returns == session.returns and session.state.failure is None:
+            self.log_frame(session)
+        return stream.close(self.recorder.recording)
+
+
+def open_session_recorder(session: Session, path: Path) -> SessionRecorder:
+    """Begin a recording of a session. Raises BadInput."""
+    text = scene_text_with_overrides(session.path, session.overrides)
+    title = f"{session.scene.scene.title or session.path.stem}, live"
+    return SessionRecorder(
+        path, open_recorder(path, title, text, session.sim, session.scene, 0), session.returns
+    )
 
 
 def input_lines(session: Session, stays: bool) -> Iterator[str]:
@@ -79,8 +124,8 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
 
     An error ends a session of a pipe; in a terminal it is printed. A page stays until Ctrl-C.
     """
-    recorder = live.begin_recording(session, path)
-    session.callbacks.append(Sampler())
+    recorder = open_session_recorder(session, path)
+    session.callbacks += [recorder, Sampler()]
     for sentence in live.warnings_of_present_scene(session):
         typer.echo(f"warning: {sentence}")
     try:
@@ -98,7 +143,7 @@ def run_prompt(session: Session, path: Path, page: Page | None = None) -> None:
     except EOFError:
         return
     finally:
-        typer.echo(f"recording {stream.close(recorder.recording)}")
+        typer.echo(f"recording {recorder.close(session)}")
 
 
 def run_interruptible_line(session: Session, line: str, turn: AbstractContextManager[Any]) -> str:

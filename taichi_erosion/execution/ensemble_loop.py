@@ -14,6 +14,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.execution import Report, stages
+from taichi_erosion.execution.threshold_search import advance_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation
 
@@ -125,6 +126,8 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: stages.ReplicaStat
     stages.tilt_gravity(sim, scene, replica, state, now)
     stages.store_frame_if_due(sim, scene, replica, state, now)
     stages.set_steady_air_profile(sim, scene.stages[state.stage], replica)
+    if state.search is not None and not state.search.is_over:
+        advance_search(sim, replica, state.search, now)
     if ensemble.holds:
         return
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])

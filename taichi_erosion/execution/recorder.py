@@ -46,7 +46,7 @@ class Recorder:
     stage: int = 0
     film: list[pictures.Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
-    is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
+    is_rewritten: bool = False  # walls that have gone may come back
 
 
 def open_recorder(path: Path, title: str, text: str, sim: Simulation, scene: Scene, replica: int) -> Recorder:

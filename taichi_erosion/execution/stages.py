@@ -13,7 +13,7 @@ from taichi_erosion.core.setup import Floats, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.execution.grain_fields import present_grain_fields
 from taichi_erosion.execution.observables import MeasureInput, measure_observable, wind_patch_of_scene
-from taichi_erosion.execution.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
+from taichi_erosion.execution.threshold_search import ROUNDING, ThresholdSearch, begin_search
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.wall_loads import forces_and_torques_on_walls
 from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_ratio
@@ -44,6 +44,7 @@ class ReplicaState:
     airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
     loads: list[Floats] = field(default_factory=list)  # of walls at the frames, with their shifts, if read
     search: ThresholdSearch | None = None  # from the begin of a threshold stage on
+    read_from: float = 0.0  # s, from which the frames are taken
 
     @property
     def active(self) -> bool:
@@ -54,6 +55,10 @@ class ReplicaState:
         """Add a warning, once."""
         if text not in self.warnings:
             self.warnings.append(text)
+
+    def begin_frames(self, time: float) -> None:
+        """Take frames from a time [s] on, and let those before go."""
+        self.read_from, self.frames, self.tilts, self.airs, self.loads = time, [], [], [], []
 
 
 def count_whole_intervals(time: float, interval: float) -> int:
@@ -81,7 +86,6 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
             state.warn(f"{count:,.0f} grains left the domain, the first by {first:.3g} s, and were taken out")
         return
     state.began = time
-    state.frames, state.tilts, state.airs, state.loads = [], [], [], []
     stage = scene.stages[state.stage]
     for name in stage.remove:
         simulation.remove_surface(sim, replica, name)
@@ -91,7 +95,14 @@ def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
         simulation.set_upflow(sim, replica, stage.through_flow)
-    if stage.until == "threshold":
+    begin_readings(sim, scene, replica, state, time)
+
+
+def begin_readings(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
+    """Take frames and search thresholds anew from a time [s], where what acts on the grains has changed."""
+    state.energy = None
+    state.begin_frames(time)
+    if scene.stages[state.stage].until == "threshold":
         state.search = begin_search(sim, scene, replica, time)
 
 
@@ -119,7 +130,7 @@ def store_frame_if_due(sim: Simulation, scene: Scene, replica: int, state: Repli
     stage = scene.stages[state.stage]
     intervals = [scene.measure[name].every for name in observables_of_stage(scene, state.stage)]
     shortest = min((interval for interval in intervals if interval), default=None)
-    if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
+    if shortest and time - state.read_from >= len(state.frames) * shortest * (1.0 - ROUNDING):
         state.frames.append(replace(simulation.snapshot(sim, replica), force=None))  # no measure reads it
         state.tilts.append(radians(stage.tilt_rate) * (time - state.began))
         if scene.wind is not None:
@@ -142,7 +153,7 @@ def is_stage_over(
     """Whether the stage ends now; `energy`: translational, and that which lifts all grains [J]."""
     stage = scene.stages[state.stage]
     elapsed = time - state.began
-    if state.search is not None and advance_search(sim, replica, state.search, time):
+    if state.search is not None and state.search.is_over:
         return True
     if elapsed >= stage.duration_max * (1.0 - ROUNDING):
         if stage.until in GOALS:
@@ -220,6 +231,6 @@ def steady_transport_window(scene: Scene, stage: int, states: Sequence[ReplicaSt
     if not states or any(len(state.airs) < 2 for state in states):
         return None
     patch, stress = wind_patch_of_scene(scene), wind.density * friction**2
-    times = [frame.time - states[0].began for frame in states[0].frames]
+    times = [frame.time - states[0].read_from for frame in states[0].frames]
     hop = HOP_TIME * friction / scene.gravity.magnitude
     return steady_window(times, [stress_ratio(state.airs, patch, stress) for state in states], hop)

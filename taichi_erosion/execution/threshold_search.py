@@ -76,6 +76,7 @@ class ThresholdSearch:
     flux_at_start: float = 0.0  # kg m-1 s-1, flux from which the fall begins
     brackets: dict[str, Bracket] = field(default_factory=dict)
     fluxes: list[tuple[float, float]] = field(default_factory=list)  # friction velocity, flux: start and fall
+    is_over: bool = False
 
     @property
     def period(self) -> Floats:
@@ -128,8 +129,8 @@ def begin_trial(sim: Simulation, replica: int, friction_velocity: float, time: f
     return Trial(friction_velocity, time, start, start, nothing, nothing)
 
 
-def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> bool:
-    """Record the motion since the last check; where a trial ends begin the next one. True after the last."""
+def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> None:
+    """Record the motion since the last check; where a trial ends begin the next one, if there is any."""
     record_grain_motion(search, snapshot(sim, replica))
     if search.scene.threshold.steady_air and search.phase in TRANSPORT:
         spin_up_wind(sim, replica, search.trial.friction_velocity)
@@ -139,11 +140,12 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     if outcome is None:
         if search.phase in ("ramp", "hold") and not search.scene.threshold.landings:
             lift_grains_that_left_bed(sim, replica, search)
-        return False
+        return
     old = search.trial
     wind = NEXT_WIND[search.phase](search, outcome)
     if wind is None:
-        return True
+        search.is_over = True
+        return
     from_rest = search.phase in FROM_REST
     if from_rest:
         import_bed(sim, replica, search.bed)
@@ -151,7 +153,6 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     search.trial = begin_trial(sim, replica, wind, time)
     if search.phase == "ramp":
         search.trial.start, search.trial.rolling, search.trial.risen = old.start, old.rolling, old.risen
-    return False
 
 
 def lift_grains_that_left_bed(sim: Simulation, replica: int, search: ThresholdSearch) -> None:

@@ -13,7 +13,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import atomic_file, make_parent_folder, require_regular_file
 
 # the number is raised when the layout of the file, or what a state holds, changes
-SCHEMA = f"checkpoint 10 of taichi_erosion {__version__}"
+SCHEMA = f"checkpoint 11 of taichi_erosion {__version__}"
 HEAD = "head"  # member that holds the header
 STATE = "state/"  # prefix of the members that hold the arrays
 

@@ -217,7 +217,7 @@ def reallocate_fields(sim: Simulation, capacities: Capacities) -> None:
     if sim.numerics.by_grain:
         refuse_too_many_entries(capacities)
     start_device(sim.numerics, POOL_LEAST)
-    sim.capacities = replace(capacities)
+    sim.capacities, sim.device = replace(capacities), impl.get_runtime()
     fields = allocate_all_fields(sim.setups, sim.laws, sim.numerics, sim.workers, sim.capacities)
     sim.world, sim.coupling, sim.schedule, sim.buffers = fields
 

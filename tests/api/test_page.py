@@ -73,6 +73,16 @@ def wait_until(page: Page, condition) -> dict:
 
 
 @pytest.mark.parametrize(
+    ("what", "line", "query"),
+    [("anything", None, {}), ("state", None, {"after": "abc"})]
+    + [("command", line, {}) for line in ("speed nan", "speed 1 2", "speed 1e-9", "run nan", b"\xff")],
+)
+def test_a_request_that_means_nothing_is_refused_and_the_page_goes_on(page, what, line, query):
+    assert request(page, what, line, **query)[0] == 400
+    assert (state(page)["playing"], page.owner) == (False, "test")
+
+
+@pytest.mark.parametrize(
     ("options", "status"),
     [
         ({}, 200),
@@ -126,7 +136,10 @@ def test_a_slow_run_takes_its_time(page, monkeypatch):
     assert page.advance_portion() <= max(1e-3 * pages.PORTION, 1.01 * page.session.time_step)
 
 
-def test_a_change_acts_at_once_is_a_typed_command_and_is_undone_bit_for_bit(page):
+def test_a_change_acts_at_once_is_a_typed_command_and_is_undone_bit_for_bit(page, monkeypatch):
+    monkeypatch.setattr(live, "KEEP_EVERY", 0.0)
+    monkeypatch.setattr(live, "KEEP_SHARE", pages.inf)
+    page.session.same_change = LONG
     send(page, "step 50")
     before = snapshot(page.session.sim, 0)
     assert send(page, f"set {FRICTION} 0.4").startswith(f"{FRICTION} = 0.4 at once")
@@ -134,8 +147,12 @@ def test_a_change_acts_at_once_is_a_typed_command_and_is_undone_bit_for_bit(page
     shown = {row["path"]: row for row in json.loads(request(page, "controls")[1])}
     assert (shown[FRICTION]["value"], shown[FRICTION]["low"]) == (0.4, 0.0)
     send(page, "step 50")
+    there = live.session_status(page.session)["time_s"]
+    send(page, f"set {FRICTION} 0.5")
+    send(page, f"back to {there}")
+    assert page.session.scene.contact["grain-grain"].friction_rolling == 0.5, "the last of those at a time"
     send(page, "undo")
-    assert page.session.scene.contact["grain-grain"].friction_rolling == 0.12
+    assert page.session.scene.contact["grain-grain"].friction_rolling == 0.12, "a slider is drawn in one go"
     after = snapshot(page.session.sim, 0)
     assert np.array_equal(after.position, before.position)
     assert np.array_equal(after.velocity, before.velocity)
@@ -196,6 +213,8 @@ def test_a_page_that_is_gone_leaves_the_run_paused_saved_and_as_a_script(page, i
     send(page, "play")
     wait_until(page, lambda now: now["time"] > 0.003)
     send(page, f"set {FRICTION} 0.3")
+    send(page, "save")
+    saved = page.session.saved["last"]
     if is_told:
         request(page, "leave", "")
     else:
@@ -206,7 +225,8 @@ def test_a_page_that_is_gone_leaves_the_run_paused_saved_and_as_a_script(page, i
     with page.turn:
         there = snapshot(page.session.sim, 0)
         assert not page.playing
-        assert page.session.saved["last"][0].time == page.session.time
+        assert page.session.saved["left"][0].time == page.session.time
+        assert page.session.saved["last"] is saved
         live.restore_saved_state(page.session, "begin")
         execute_line(page.session, f"script {page.script}")
         assert np.array_equal(snapshot(page.session.sim, 0).position, there.position)

@@ -1,5 +1,6 @@
 """Runs and live sessions from Python, on the smallest scene."""
 
+import operator
 import subprocess
 import sys
 from pathlib import Path
@@ -56,9 +57,13 @@ def test_a_notebook_shows_the_page_of_a_session_which_ends_where_another_begins(
     session = te.live(SCENE)
     session.page.playing, session.page.owner = True, ""
     assert f'<iframe src="{session.page.address}"' in session._repr_html_()
+    session.save("here")
     te.live(SCENE).step()
-    with pytest.raises(te.BadInput, match="another run or session has begun"):
-        session.step()
+    calls = {"save": ["x"], "restore": ["here"], "remove": [0], "watch": ["flux"], "insert": [1, (0, 0, 1)]}
+    calls |= {name: [] for name in "table status contacts walls grains fields step".split()}
+    for name, words in calls.items():
+        with pytest.raises(te.BadInput, match="another run or session has begun"):
+            operator.methodcaller(name, *words)(session)
     with pytest.raises(HTTPError, match="410"):
         urlopen(session.page.address + "state?owner=1")
 
@@ -91,7 +96,10 @@ def test_an_unknown_option_is_named_values_become_toml_and_the_library_is_a_tabl
         te.run(SCENE, replica=1)
     assert changes_as_overrides({"a.b": 3}, {}, ()) == ("a.b=3",)
     assert changes_as_overrides({"a.b": "hertz"}, {}, ()) == ('a.b="hertz"',)
-    assert changes_as_overrides({}, {"a__b": [1.0, 2.0]}, ()) == ("a.b=[1.0, 2.0]",)
+    for values in ([1.0, 2.0], np.array([1.0, 2.0], np.float32)):
+        assert changes_as_overrides({}, {"a__b": values}, ()) == ("a.b=[1.0, 2.0]",)
+    with pytest.raises(te.BadInput, match="None is no value"):
+        changes_as_overrides({"a.b": None}, {}, ())
     assert te.effects().loc["liquid_bridge", "place"] == "pair"
 
 

@@ -154,13 +154,13 @@ def in_mid_search(windy: Path) -> ReplicaState:
     trial = Trial(0.25, 0.4, *numbers.random((2, 3, 3)), *np.eye(2, 3, dtype=bool), 1e-7, [0.1])
     search = ThresholdSearch(load_scene(windy), {"origin": numbers.random((3, 3))}, trial, "fall", 0.2, 0.3)
     search.flux_at_start, search.brackets = 0.5, {"fluid_threshold": Bracket(0.2, 0.3)}
-    search.fluxes = [(0.4, np.float64(1e-3))]
+    search.fluxes, search.is_over = [(0.4, np.float64(1e-3))], True
     frames = [frame_of(count, numbers) for count in (2, 3)]
     airs = [AirProfile(*numbers.random((6, 4))) for _ in frames]
     measured = {"flux": Measurement("flux", 1.0, 0.1, "kg m-1 s-1", 2, ("a note",), {"blocks": [1.0, 2.0]})}
     failure = Failure(Status.OVERLAP, 0.3, 1, -1, 0.5)
     places, loads = (7, 1, 0.4, True, failure, 1e-3, 3, [[0.2, 1], [0.3, 4]]), [numbers.random((2, 6))]
-    return ReplicaState(*places, frames, [0.1, 0.2], measured, ["a warning"], airs, loads, search)
+    return ReplicaState(*places, frames, [0.1, 0.2], measured, ["a warning"], airs, loads, search, 0.4)
 
 
 def frame_of(count: int, numbers: np.random.Generator) -> Snapshot:

@@ -18,8 +18,7 @@ from taichi_erosion.execution import stages
 from taichi_erosion.execution.observables import wind_patch_of_scene
 from taichi_erosion.execution.recorder import present_walls
 from taichi_erosion.measures.wind_bed import flux_of_frame
-from taichi_erosion.recording.readback import component_rows
-from taichi_erosion.recording.stream import close
+from taichi_erosion.recording.readback import component_rows, read_grains
 from taichi_erosion.simulation import contact_network, export_state, friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -51,9 +50,12 @@ def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
     live.run_session_steps(session, 3)
     assert session.time == pytest.approx(0.01 + 3 * session.time_step)
     assert live.run_until_rest(session)
+    assert session.time >= session.scene.stages[0].duration_min
+    column = live.measure_now(session)["column_height"]
     assert live.begin_next_stage(session) == "collapse"
     live.run_for_seconds(session, 0.2)
     assert live.measure_now(session)["pile_height"].value > 0.0
+    assert live.measure_now(session)["column_height"] == column, "of the stage that it names"
     with pytest.raises(BadInput, match="last one"):
         live.begin_next_stage(session)
 
@@ -88,7 +90,7 @@ def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
     live.run_for_seconds(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
-    with pytest.raises(BadInput, match="lie before the present"):
+    with pytest.raises(BadInput, match="ahead of the present"):
         live.run_for_seconds(session, -1.0)
 
 
@@ -150,8 +152,11 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     prompt.execute_line(session, "insert 3 at 0.0 0.0 0.008")
     live.run_for_seconds(session, 0.05)
     before, (x, y, z) = contact_network(session.sim, 0), snapshot(session.sim, 0).position[61]
-    with pytest.raises(BadInput, match="lies there already"):
-        prompt.execute_line(session, f"insert 1 at {x} {y} {z}")
+    prompt.execute_line(session, "insert 1 at 0 0 0.03")
+    for place in (f"{x} {y} {z}", "0 0 0.03", "0 0 -0.01", "0.0135 0 0.02", "0 0 9"):
+        with pytest.raises(BadInput, match=r"insert: .* (lies there already|is there|is outside)"):
+            prompt.execute_line(session, f"insert 1 at {place}")
+    live.undo_latest_change(session)
     prompt.execute_line(session, "remove 5 61")
     after = contact_network(session.sim, 0)
     stays = ~np.isin([before.first, before.second], [5, 61]).any(axis=0)
@@ -161,8 +166,10 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     live.run_for_seconds(session, 0.01)
     now, lines = snapshot(session.sim, 0), list(session.history)
     assert (set(range(63)) - set(now.ident), now.removed) == ({5, 61}, 2)
-    for command in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0".split(";"):
-        with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|one sphere or more|usage"):
+    for (
+        command
+    ) in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0;insert 100000000".split(";"):
+        with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|10,000 spheres|usage"):
             prompt.execute_line(session, command)
     for count in (63, 60):
         live.undo_latest_change(session)
@@ -173,27 +180,31 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     assert np.array_equal(snapshot(session.sim, 0).position, now.position)
 
 
-def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
-    recorder = live.begin_recording(session, tmp_path / "walls.rrd")
+def test_a_recording_follows_walls_and_holds_one_history(session, tmp_path, capsys) -> None:
+    recorder = terminal.open_session_recorder(session, tmp_path / "walls.rrd")
+    walls, first = recorder.recorder.walls, recorder.path
+    session.callbacks.append(recorder)
     live.run_for_seconds(session, 0.002)
     live.save_state_as(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     live.run_for_seconds(session, 0.006)
-    (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
-    rise = tube.vertices[:, 2] - next(wall for wall in recorder.walls if wall.name == "tube").vertices[:, 2]
+    (tube,) = [wall for wall in present_walls(walls, session.sim, 0) if wall.name == "tube"]
+    rise = tube.vertices[:, 2] - next(wall for wall in walls if wall.name == "tube").vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     live.begin_next_stage(session)
     live.run_for_seconds(session, 0.006)
-    assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
+    assert "tube" not in {wall.name for wall in present_walls(walls, session.sim, 0)}
     live.restore_saved_state(session, "tube stands")
-    live.run_for_seconds(session, 0.006)
-    path, entity = close(recorder.recording), "world/walls/tube"
-    assert component_rows(path, entity, "Clear:is_recursive")
-    assert len(component_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
-    rows = component_rows(path, entity, "Transform3D:translation")
-    heights = {row["Transform3D:translation"][0][2]: time for time, row in rows}
-    # what the session wrote before it went back has been written over
-    assert heights[0.0] == max(heights.values())
+    live.run_for_seconds(session, 0.003)
+    live.change_entry(session, "record.every", "1e-3")
+    for _ in range(3):
+        live.run_for_seconds(session, 1.1e-3)
+    second = recorder.close(session)
+    assert f"{first} ends where the session went back; {second} goes on" in capsys.readouterr().out
+    gone = [component_rows(path, "world/walls/tube", "Clear:is_recursive") for path in (first, second)]
+    assert list(map(len, gone)) == [1, 0]
+    times = [frame.time for frame in read_grains(second)]
+    assert times == pytest.approx([0.003, 0.006, 0.007, 0.008, 0.0083], abs=2e-5)
 
 
 def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_terminal: bool) -> Path:
@@ -258,6 +269,14 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
         prompt.execute_line(session, "diff befor")
 
 
+@pytest.mark.parametrize("line", ["run nan", "back to nan", "step \u00b2", "remove \u00b2", "script {}"])
+def test_a_line_that_means_nothing_is_told_in_a_sentence(session, line: str, tmp_path: Path) -> None:
+    file = tmp_path / "self.txt"
+    file.write_text(f"\ufeffstatus # {line}\nscript {file}\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=r"not a|usage|line 2: a script runs no other"):
+        prompt.execute_line(session, line.format(file))
+
+
 def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> None:
     session = live.open_session(SCENES / "incline.toml")
     while not session.scene.stages[session.state.stage].tilt_rate:
@@ -268,6 +287,8 @@ def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> N
         gravity = export_state(session.sim)["gravity"][0]
         assert np.linalg.norm(gravity) == pytest.approx(magnitude, rel=1e-6)  # in single precision
         assert np.linalg.norm(gravity[:2]) > 0.0
+        live.change_entry(session, "contact.soil-steel.friction_rolling", f"{0.01 * magnitude}")
+        assert np.array_equal(export_state(session.sim)["gravity"][0], gravity)
 
 
 SMALL_PATCH = tuple(
@@ -280,9 +301,29 @@ def flux(session) -> float:
     return flux_of_frame(snapshot(session.sim, 0), wind_patch_of_scene(session.scene))
 
 
+def test_a_search_for_thresholds_goes_on_in_a_session() -> None:
+    words = "grains.count=200 effects={} threshold.hold=0.02 threshold.rise=0.5"
+    session = live.open_session(SCENES / "wind_threshold.toml", tuple(words.split()))
+    live.run_until_rest(session)
+    live.begin_next_stage(session)
+    live.run_for_seconds(session, 0.02)
+    live.save_state_as(session, "ramp")
+    with pytest.raises(BadInput, match="friction_velocity is fixed"):
+        live.change_entry(session, "wind.friction_velocity", "1.0")
+    assert live.run_until_rest(session), "until the search is over"
+    found = live.measure_now(session)["threshold_u_star"]
+    assert 0.1 < found.value < 1.0
+    live.restore_saved_state(session, "ramp")
+    assert live.run_until_rest(session)
+    assert live.measure_now(session)["threshold_u_star"] == found
+    prompt.execute_line(session, "remove 7")
+    assert (session.state.search.phase, session.state.search.is_over) == ("ramp", False), "it begins anew"
+
+
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
     session = live.open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
-    recorder = live.begin_recording(session, tmp_path / "wind.rrd")
+    recorder = terminal.open_session_recorder(session, tmp_path / "wind.rrd")
+    session.callbacks.append(recorder)
     live.change_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
     live.run_for_seconds(session, 0.004)
     world, calm = session.sim.world, flux(session)
@@ -292,6 +333,19 @@ def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tm
     assert session.sim.world is world
     # what moves in the calm are grains that still settle, which dies away; the wind pulls on
     assert flux(session) > 3.0 * abs(calm)
-    times, recorded = read_series(close(recorder.recording), "transport/flux")
+    times, recorded = read_series(recorder.close(session), "transport/flux")
     assert recorded[-1] == recorded.max() > 0.0
     assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
+    session.callbacks.clear()
+    for name, wind in (("start", 0.6), ("saturate", 0.4123)):
+        while session.scene.stages[session.state.stage].name != name:
+            live.begin_next_stage(session)
+        assert session.scene.wind.friction_velocity == wind, "what its stage orders"
+        live.run_for_seconds(session, 0.01)
+        live.change_entry(session, "gravity.magnitude", str(10.0 * wind))
+        assert session.state.frames == [], "none of another law"
+        assert friction_velocity(session.sim, 0) == pytest.approx(wind)
+        live.run_for_seconds(session, 2.0 * session.scene.run.check_interval)
+        assert len(session.state.frames) <= 2
+    assert live.change_entry(session, "wind.friction_velocity", "0").endswith("at once")
+    assert friction_velocity(session.sim, 0) == session.scene.friction_velocity_of_stage(3) == 0.0
