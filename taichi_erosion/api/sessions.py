@@ -16,7 +16,7 @@ from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, changes_as_overrides, value_as_toml
 from taichi_erosion.execution import insertion
 from taichi_erosion.execution import session as sessions
-from taichi_erosion.execution.grain_fields import present_grain_fields
+from taichi_erosion.execution.stages import present_grain_fields
 from taichi_erosion.verification.effect_contract import examine_effect_files
 
 if TYPE_CHECKING:

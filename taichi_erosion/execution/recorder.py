@@ -13,9 +13,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind, Setup, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.execution.ensemble_loop import EnsembleRun
-from taichi_erosion.execution.grain_fields import present_grain_fields
 from taichi_erosion.execution.observables import wind_patch_of_scene
-from taichi_erosion.execution.stages import count_whole_intervals
+from taichi_erosion.execution.stages import count_whole_intervals, present_grain_fields
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_connected_body
 from taichi_erosion.measures.wind_bed import flux_of_frame
 from taichi_erosion.recording import pictures, stream
