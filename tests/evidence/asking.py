@@ -31,7 +31,6 @@ def no_progress(_: str, __: float) -> None:
 
 
 def ask(command: Command, path: Path, *effects: str, options: StudyOptions = NO_OPTIONS) -> Reply:
-    """The reply of a command."""
     if command == "adopt":
         return commands.adopt_study(path, effects, no_progress, options)
     asked = {"compare": commands.compare_study, "discover": commands.discover_study}

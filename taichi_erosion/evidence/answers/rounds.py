@@ -298,7 +298,6 @@ def points_of_next_round(
 
 
 def has_doses(about: Points) -> bool:
-    """Whether a round is about mechanisms."""
     return any(point.doses for point in about)
 
 

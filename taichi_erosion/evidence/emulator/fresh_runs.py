@@ -179,7 +179,6 @@ class FreshSimulator:
 
     @property
     def emulators(self) -> Mapping[str, ObservableEmulator]:
-        """Emulators by the simulator's names."""
         assert isinstance(self.mapping.model, Emulator)
         return self.mapping.model.emulators
 
