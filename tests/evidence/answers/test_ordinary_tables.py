@@ -318,8 +318,9 @@ def test_a_preparation_that_samples_share_is_no_missing_effect(tmp_path):
     wet, level = (0, 0.3, 0.6, 1, 1.5, 2.2, 3), 0.25 * np.array([0.97, 0.99, 1.1, 1.02, 1.05, 1.07, 0.98])
     speeds = zip("ABC", level * np.random.default_rng(1).normal(1.0, 0.02, (3, 7)), strict=True)
     rows = [f"{name};{w};{u:.3f}" for name, each in speeds for w, u in zip(wet, each, strict=True)]
-    reply = answer(study_of(tmp_path, "", ["sample;moisture (%);u*t (m/s)", *rows]))
-    assert reply.record.verdict == "none_detected"
+    study = study_of(tmp_path, "", ["sample;moisture (%);u*t (m/s)", *rows])
+    assert study.problem.measurements.size == 21, "samples met at every condition state the scatter"
+    assert answer(study).record.verdict == "none_detected"
 
 
 def test_numbers_of_samples_leave_the_soils_of_the_rows(tmp_path):

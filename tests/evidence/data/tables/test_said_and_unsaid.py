@@ -429,12 +429,19 @@ def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(
     assert "shot_mean" in measured(tmp_path, rows, **SINGLE)[0].conditions
 
 
-@pytest.mark.parametrize("label", ["F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值"])
-def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
-    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
-    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}{label},0.9,41.3,,\n"
-    assert measured(tmp_path, text.replace(label, "slope").replace(",,", ",0.5,4"), "s.csv")[0].size == 5
-    assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
+NAMED = "sample,moisture (%),angle of repose (deg),SD,n\n"
+NAMED += "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
+RUNNING = "no.,moisture (%),angle of repose (deg)\n" + "".join(f"{k},{k % 2},{30 + k}\n" for k in range(8))
+SUMS = [(f"{NAMED}{{}},0.9,41.3,,\n", each) for each in ("F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值")]
+SUMS += [(f"{RUNNING}{{}},1,34.0\n", each) for each in ("MW", "Ср.", "± s", "SD", "CV (%)")]
+
+
+@pytest.mark.parametrize(("text", "label"), SUMS)
+def test_a_row_of_a_statistic_is_no_measurement(tmp_path, text, label):
+    rows = text.count("\n") - 1
+    word = "slope" if text.startswith(NAMED) else "control"
+    assert measured(tmp_path, text.format(word).replace(",,", ",0.5,4"), "s.csv")[0].size == rows
+    assert f"row {rows + 1}, '{label}': the row sums up others" in refused(tmp_path, text.format(label))
 
 
 @pytest.mark.parametrize("power", [1, 2])
@@ -460,17 +467,8 @@ def test_columns_that_differ_in_all_rows_alike_are_no_repeats(tmp_path):
     assert measured(tmp_path, shuffled, "s.csv")[0].size == 18
 
 
-@pytest.mark.parametrize("label", ["MW", "Ср.", "± s", "SD", "CV (%)"])
-def test_a_word_of_a_statistic_among_running_numbers_is_no_measurement(tmp_path, label):
-    rows = "".join(f"{k},{k % 2},{30 + k}\n" for k in range(8))
-    text = f"no.,moisture (%),angle of repose (deg)\n{rows}{label},1,34.0\n"
-    assert f"row 10, '{label}': the row sums up others" in refused(tmp_path, text)
-    assert measured(tmp_path, text.replace(label, "control"), "c.csv")[0].size == 9
-
-
 def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
-    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
-    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}T0 mean,0,30.2,0.5,8\n"
+    text = f"{NAMED}T0 mean,0,30.2,0.5,8\n"
     assert "row 6, 'T0 mean': the row sums up others" in refused(tmp_path, text)
     for word in ("Mean", "A avg.", "MW", "Ø"):
         of_all = text.replace("T0 mean,0,30.2", f"{word},1.5,31.5")
@@ -515,13 +513,6 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     assert "friction_velocity" in measured(tmp_path, flux, "flux.csv")[0].conditions
     letters = flux.replace("sand flux", "repose angle").replace("g/(m s)", "deg").replace("u* [m/s]", "w (%)")
     assert "moisture" in measured(tmp_path, letters.replace("value", "Value"), "w.csv")[0].conditions
-
-
-def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
-    noise = np.random.default_rng(2).normal(0.0, 0.5, (4, 5))
-    rows = [f"T{k};{w};{30 + k + noise[k, w]:.1f}" for k in range(4) for w in range(5)]
-    found, _ = measured(tmp_path, ["sample;moisture (%);angle of repose (deg)", *rows])
-    assert found.size == 20  # each sample is a set-up: none is repeated
 
 
 def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
