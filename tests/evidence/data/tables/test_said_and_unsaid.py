@@ -563,25 +563,27 @@ MEANS = np.array([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]])
 STRESS = ["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)"]
 for w, u in enumerate(np.random.default_rng(3).normal(MEANS, 0.01, (7, 3)).round(3)):
     STRESS.append(f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}")
-KEPT = {  # what is shown -> a table, what is stated beside it, all its conditions
-    "a length that no sand has": (speeds("rain (mm)", {0: 0.3, 5: 0.31, 25: 0.34}), {}, "diameter rain"),
-    "doses of products in other steps": (speeds("product;rate (kg/ha)", RATES), SINGLE, "diameter rate"),
-    "a dose that the control lacks": (GUM, {"sd": {"repose_angle": "1 deg"}}, "gum moisture"),
-    "a length is no label": (FALLS.format("hauteur de chute (cm)"), {}, "hauteur_de_chute moisture"),
-    "nor is a depth of a probe": (FALLS.format("probe depth (cm)"), {}, "moisture probe_depth"),
-    "what follows from the mean of repeats side by side is none": (STRESS, SINGLE, "diameter moisture"),
+LOSSES = {round(20.0 * u * u, 3): u for u in COVERS.values()}
+KEPT = {  # what is shown -> a table, what is stated beside it, its conditions and the number of its rows
+    "a length that no sand has": (speeds("rain (mm)", {0: 0.3, 5: 0.31, 25: 0.34}), {}, "diameter rain", 3),
+    "doses of products in other steps": (speeds("product;rate (kg/ha)", RATES), SINGLE, "diameter rate", 9),
+    "a dose that the control lacks": (GUM, {"sd": {"repose_angle": "1 deg"}}, "gum moisture", 5),
+    "a length is no label": (FALLS.format("hauteur de chute (cm)"), {}, "hauteur_de_chute moisture", 9),
+    "nor is a depth of a probe": (FALLS.format("probe depth (cm)"), {}, "moisture probe_depth", 9),
+    "what follows from the mean of repeats side by side is none": (STRESS, SINGLE, "diameter moisture", 21),
+    "a known one": (speeds("loss on ignition (%)", LOSSES), SINGLE, "diameter organic_fraction", 7),
 }
 
 
-@pytest.mark.parametrize(("rows", "stated", "names"), KEPT.values(), ids=KEPT)
-def test_conditions_of_a_table(tmp_path, rows, stated, names):
-    assert sorted(measured(tmp_path, rows, **stated)[0].conditions) == names.split()
+@pytest.mark.parametrize(("rows", "stated", "names", "count"), KEPT.values(), ids=KEPT)
+def test_conditions_of_a_table(tmp_path, rows, stated, names, count):
+    found, _ = measured(tmp_path, rows, **stated)
+    assert (sorted(found.conditions), found.size) == (names.split(), count)
 
 
 DOSES = {0: 0.308, 100: 0.327, 200: 0.346, 500: 0.407, 1000: 0.507, 2000: 0.71}  # kg/ha -> m/s
 FOLLOWED = dict.fromkeys(("flat residue cover (%)", "chlorophyll (µg/cm2)", "pile mass (g)"), COVERS)
 FOLLOWED |= dict.fromkeys(("gypsum (kg/ha)", "age (d)", "gypsum"), DOSES)
-FOLLOWED["loss on ignition (%)"] = {round(20 * u * u, 3): u for u in COVERS.values()}
 
 
 @pytest.mark.parametrize(("heading", "values"), FOLLOWED.items(), ids=FOLLOWED)
