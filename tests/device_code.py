@@ -40,7 +40,6 @@ def is_device_function(function: ast.FunctionDef) -> bool:
 
 @cache
 def tree_of(path: Path) -> ast.Module:
-    """Syntax tree of a file."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 

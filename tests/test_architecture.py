@@ -132,7 +132,6 @@ def test_annotations_of_kernels_are_types_and_not_text(path):
 
 
 def modules_of(path: Path) -> set[str]:
-    """What a file imports."""
     found = {node.module or "" for node in nodes(tree_of(path)) if isinstance(node, ast.ImportFrom)}
     imports = (node for node in nodes(tree_of(path)) if isinstance(node, ast.Import))
     return found | {name.name for node in imports for name in node.names}

@@ -55,8 +55,6 @@ class DecisionPart:
 
 @dataclass(frozen=True)
 class EffectPart:
-    """One candidate."""
-
     status: Status
     probability: float  # that it acts
     strength: Number  # where it acts: median; NaN where no explanation holds it
@@ -332,8 +330,6 @@ class FreshPart:
 
 @dataclass(frozen=True, kw_only=True)
 class Record(DecisionPart, FitPart, CostPart):
-    """One answer."""
-
     effects: Mapping[str, EffectPart]
     mechanisms: Mapping[str, MechanismPart]
     parameters: Mapping[str, ParameterPart]
@@ -351,7 +347,6 @@ class Record(DecisionPart, FitPart, CostPart):
 
     @property
     def law(self) -> LawPart | None:
-        """Law of a mechanism, if there is one."""
         return next((each.law for each in self.mechanisms.values() if each.law is not None), None)
 
 

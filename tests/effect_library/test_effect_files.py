@@ -40,7 +40,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def discovery(folder: Path, law: LawPart | None) -> str:
-    """File of a discovery with a law."""
     about = {"format": FORMAT, "study": "soil.toml"}
     mechanisms = {law.mechanism: MechanismPart(0.9, DOSES, law)} if law else {}
     write_reply(folder, "soil", Reply("discover", about, replace(DISCOVERIES["null"], mechanisms=mechanisms)))

@@ -41,7 +41,6 @@ class Laboratory:
     study: str  # numbers and candidates
 
     def text(self, name: str) -> str:
-        """The study file."""
         observables = "".join(
             f'[observables.{each}]\nscene = "{SCENE}"\ntransform = "log"\n' for each in self.observables
         )

@@ -37,7 +37,6 @@ fraction = 0.3
 
 
 def study_text(library: tuple[str, ...] = LIBRARY, model: str = MODEL) -> str:
-    """A valid study file."""
     return STUDY.format(model=model, candidates="\n".join(f"[candidates.{name}]" for name in library))
 
 

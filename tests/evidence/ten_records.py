@@ -67,7 +67,6 @@ null = record.Record(
 
 
 def present(strength: Interval, chance: float = 0.99) -> EffectPart:
-    """A named effect."""
     return EffectPart("present", chance, *vars(strength).values(), nan, 41.3, 0.25, 0.1)
 
 

@@ -96,7 +96,6 @@ def next_of(signs: bytes, content: bytes, place: int, missing: int) -> int:
 
 @st.composite
 def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
-    """Name and content of a damaged file."""
     name = draw(st.sampled_from(sorted(files)))
     return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))
 

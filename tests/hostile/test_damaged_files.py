@@ -71,7 +71,6 @@ def command_ends_well(words: list[str], folder: Path, capsys: Any) -> None:
 
 
 def put(folder: Path, name: str, content: bytes) -> Path:
-    """A file in the folder."""
     path = folder / Path(name).name
     path.write_bytes(content)
     return path

@@ -12,14 +12,10 @@ MM = 1e-3
 LEAST = {"Iversen & White (1982)": (0.20, 0.075), "Shao & Lu (2000)": (0.24, 0.107)}
 
 
-def thresholds(name: str, diameters: list[float]) -> list[float]:
-    return [wind_formulas.FLUID[name](Sand(d)) for d in diameters]
-
-
 @pytest.mark.parametrize(("name", "least"), LEAST.items(), ids=LEAST)
 def test_fluid_thresholds_have_their_minimum_where_their_sources_have_it(name, least):
     diameters = [0.04 * MM * 1.02**k for k in range(120)]
-    found = thresholds(name, diameters)
+    found = [wind_formulas.FLUID[name](Sand(d)) for d in diameters]
     assert min(found) == pytest.approx(least[0], abs=0.01)
     assert diameters[found.index(min(found))] == pytest.approx(least[1] * MM, rel=0.15)
 

@@ -105,15 +105,11 @@ def headings(block: str) -> list[str]:
 def test_a_heading_has_its_quantity_and_its_unit(line):
     meant, _, listed = line.partition(": ")
     for text, unit in (each.split(" ->") for each in listed.split("; ")):
-        check(text, meant, unit.strip())
-
-
-def check(text: str, meant: str, unit: str) -> None:
-    heading = read_heading(text)
-    role, name = meaning_of(heading.name)
-    name = meaning_of_symbol(heading)[1] if role == "unknown" else name
-    assert (name, heading.unit, heading.unreadable, heading.law) == (meant, unit, "", "")
-    assert qualifying_words(heading)[0] == ""
+        heading = read_heading(text)
+        role, name = meaning_of(heading.name)
+        name = meaning_of_symbol(heading)[1] if role == "unknown" else name
+        assert (name, heading.unit, heading.unreadable, heading.law) == (meant, unit.strip(), "", "")
+        assert qualifying_words(heading)[0] == ""
 
 
 @pytest.mark.parametrize("text", headings(CHANGED))

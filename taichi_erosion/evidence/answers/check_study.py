@@ -42,12 +42,8 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
     study = load_study(path, options)
     examined = [faults.of(examine_file, each) for each in study.effect_files]
     faults.raise_if_any()
-    return check_document(study) | {"effects": examined}
-
-
-def check_document(study: Study) -> Document:
     measurements = study.problem.measurements
-    faults = (*table_faults(study.problem), *stale_faults(study.path, study.file))
+    set_up = (*table_faults(study.problem), *stale_faults(study.path, study.file))
     return {
         "study": str(study.path),
         "kind": "evidence",
@@ -58,8 +54,9 @@ def check_document(study: Study) -> Document:
         "conditions": {name: condition_range_text(measurements, name) for name in study.file.conditions},
         "parameters": [parameter.path for parameter in study.problem.parameters],
         "candidates": study.problem.candidate_names,
-        "notes": [*(fault.sentence for fault in faults), *study.notes],
+        "notes": [*(fault.sentence for fault in set_up), *study.notes],
         "cost": discovery_cost(study),
+        "effects": examined,
     }
 
 

@@ -23,14 +23,7 @@ from taichi_erosion.evidence.data.held_out_rows import count_opening, vault_open
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength_path
 from taichi_erosion.evidence.models.adopted_files import Adoption, refuse_foreign_files, write_adopted_files
-from taichi_erosion.evidence.models.load_study import (
-    NO_OPTIONS,
-    PLANS,
-    BudgetName,
-    Study,
-    StudyOptions,
-    load_study,
-)
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
 from taichi_erosion.evidence.race.decision import decide_cause, sensitivity
 from taichi_erosion.evidence.race.dose_laws import dose_law_of_decision
 from taichi_erosion.evidence.race.fit import Hypothesis
@@ -69,7 +62,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda inference: [inference.bare_point], most_points=1)
-        bare_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
+        bare_inference, ready = answer_with_unit_faults(study, question, progress)
         record = race_record(restrict_hypotheses(bare_inference.posterior.race, lambda h: not h.acting))
         record = replace(record, **vars(bare_inference.decision.decision_record))
         return store_reply(ready, "compare", bare_inference, record, start)
@@ -79,9 +72,8 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     """Which effect is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        plans = PLANS if study.options.budget is None else (study.options.budget,)
         question = discovery_question(study, bare if set_up.blocks_verdict(study.faults) else infer_all)
-        inference, ready = answer_with_unit_faults(study, plans, question, progress)
+        inference, ready = answer_with_unit_faults(study, question, progress)
         record = discover_record(inference)
         adopted = files.read_reply(study.results, study.path.stem, "adopt")
         blocked = set_up.blocks_verdict(ready.faults)
@@ -108,7 +100,7 @@ def adopt_study(
             return inference.points_at(posterior.race.bare, condition_on_effects(posterior, effects).best_fit)
 
         question = Question(f"adopt {' '.join(effects)}", infer_all, both_points, names, most_points=2)
-        adopted_inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
+        adopted_inference, ready = answer_with_unit_faults(study, question, progress)
         record = adoption_record(adopted_inference.posterior, effects, study.file.study.seed)
         opened = vault_openings(study.results, study.vault_digest)
         if len(study.problem.vault.rows):
@@ -131,7 +123,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     start = perf_counter()
     with open_study(path, options) as study:
         question = discovery_question(study, infer_all, tested=False)
-        inference, ready = answer_with_unit_faults(study, plans_to_try(study), question, progress)
+        inference, ready = answer_with_unit_faults(study, question, progress)
         laboratory = Laboratory(**study.file.laboratory.model_dump())
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
         experiments = proposals(inference.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
@@ -148,9 +140,13 @@ bare = partial(infer_all, bare=True)  # without anything that could be missing
 
 
 def answer_with_unit_faults(
-    study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
+    study: Study, question: Question, progress: Progress
 ) -> tuple[StudyInference, Study]:
-    """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
+    """The answer of a study, and the study with all that its model was asked and the faults that it shows.
+
+    A discovery goes on with the next plan where one does not decide.
+    """
+    plans = PLANS if question.tested and study.options.budget is None else plans_to_try(study)
     inference, ready = rounds.answer_question(study, plans, question, progress)
     return inference, replace(ready, faults=(*ready.faults, *set_up.unit_faults(inference.posterior.race)))
 

@@ -55,7 +55,6 @@ class Reply:
 
     @property
     def units(self) -> TableUnits:
-        """Units of the study's table."""
         return TableUnits.of(self.about)
 
     def vocabulary(self, *options: str, call: Callable[..., str] = shell_command) -> Vocabulary:

@@ -200,7 +200,7 @@ def fresh_test_record(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPa
     before, after = (float(kind_chance(kinds, logs - evidence)) for logs in (evidence, simulated))
     rival = next((k for k, kind in enumerate(kinds) if k and kind.acting), 0)
     other = float(kind_chance(kinds, simulated - evidence, rival)) if rival else 0.0
-    p, gap = float(np.mean(kind_chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
+    p, gap = float(np.mean(kind_chance(kinds, right - evidence) <= after)), gap_of(kinds, campaign.runs)
     few = campaign.failures > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
@@ -297,13 +297,9 @@ def kind_chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
     return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))
 
 
-def gap_of(race: Race, kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapPart | None:
+def gap_of(kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapPart | None:
     """The least likely gap of all observables under all explanations."""
-    tests = [(t, name, k.acting) for k, run in zip(kinds, runs, strict=True) for name, t in run.tests.items()]
-    if not tests:
-        return None
-    worst, name, effects = min(tests, key=lambda each: each[0].p)
-    place = race.prepared.rows.conditions_at(worst.row)
-    at = {key: value for key, value in place.items() if np.isfinite(value)}
-    numbers = (worst.emulated, worst.emulated_sd, worst.simulated, worst.simulated_sd)
-    return GapPart(effects, name, at, *numbers, p=min(1.0, len(tests) * worst.p))
+    pairs = zip(kinds, runs, strict=True)
+    tests = [replace(test, effects=kind.acting) for kind, run in pairs for test in run.tests.values()]
+    worst = min(tests, key=lambda each: each.p, default=None)
+    return worst and replace(worst, p=min(1.0, len(tests) * worst.p))

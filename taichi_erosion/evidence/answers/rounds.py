@@ -298,7 +298,6 @@ def points_of_next_round(
 
 
 def has_doses(about: Points) -> bool:
-    """Whether a round is about mechanisms."""
     return any(point.doses for point in about)
 
 
@@ -321,9 +320,9 @@ def acting_at(point: Setting) -> frozenset[str]:
 
 def read_rounds_file(study: Study) -> Mapping[str, Any]:
     """Rounds and fresh runs by question, as stored; none where the study or its table has changed since."""
-    document = files.read_document(rounds_file(study))
-    same = document is not None and document.get("of") == study_digest(study)
-    return {"rounds": {}, "fresh": {}} | (document if document is not None and same else {})
+    file, digest = rounds_file(study)
+    document = files.read_document(file) or {}
+    return {"rounds": {}, "fresh": {}} | (document if document.get("of") == digest else {})
 
 
 def earlier_points(study: Study) -> Rounds:
@@ -335,17 +334,18 @@ def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None =
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
     plain = {key: [[asdict(point) for point in about] for about in each] for key, each in rounds.items()}
     tests = read_rounds_file(study)["fresh"] if fresh is None else dict(fresh)
-    files.write_document(rounds_file(study), {"of": study_digest(study), "rounds": plain, "fresh": tests})
+    file, digest = rounds_file(study)
+    files.write_document(file, {"of": digest, "rounds": plain, "fresh": tests})
 
 
-def rounds_file(study: Study) -> Path:
-    return files.answer_file(study.results, study.path.stem, files.ROUNDS)
+def rounds_file(study: Study) -> tuple[Path, str]:
+    """File of the rounds, and the digest of the study file and its measurements for which they count.
 
-
-def study_digest(study: Study) -> str:
-    """Digest of a study file and its measurements; a round serves an effect file that joins them too."""
+    A round serves an effect file that joins them too.
+    """
     digest = f"{study.digest}|{read_text_of_file(study.path, str(study.path))}"
-    return sha256(digest.encode()).hexdigest()[:16]
+    file = files.answer_file(study.results, study.path.stem, files.ROUNDS)
+    return file, sha256(digest.encode()).hexdigest()[:16]
 
 
 def plans_to_try(study: Study) -> Sequence[BudgetName]:

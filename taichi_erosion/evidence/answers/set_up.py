@@ -95,27 +95,22 @@ def unit_faults(race: Race) -> Iterator[SetUpFault]:
             yield SetUpFault("unit", observable.name, words, True)
 
 
-def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
-    """What the table of a study cannot carry, known before its model is asked."""
-    return (*disagreement_faults(problem), *too_few_rows_faults(problem))
+def table_faults(problem: Problem) -> Iterator[SetUpFault]:
+    """What the table of a study cannot carry, known before its model is asked.
 
-
-def disagreement_faults(problem: Problem) -> Iterator[SetUpFault]:
-    """Repeats, held-out rows included, of which one is wrong, or that differ more than is stated."""
-    table = problem.measurements
-    rows = comparison_rows(problem, table)
+    Repeats, held-out rows included, of which one is wrong, or that differ more than is stated; fewer rows
+    under different conditions than tell apart what may act.
+    """
+    whole = problem.measurements
+    rows = comparison_rows(problem, whole)
     for name, noise in rows.noise.items():
         if noise.scatter.factor > UNLIKE and noise.scatter.p < FAMILYWISE:
             words = FAULTS["scatter"].format(name, plain(noise.scatter.factor, 2))
             yield SetUpFault("scatter", name, words, False)
     for each in rows.unmerged:
-        gap = table.table_units.value_text(each.observable, each.gap)
+        gap = whole.table_units.value_text(each.observable, each.gap)
         words = FAULTS["repeats"].format(each.observable, row_list(each.lines), gap, row_list(each.suspects))
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
-
-
-def too_few_rows_faults(problem: Problem) -> Iterator[SetUpFault]:
-    """Fewer rows under different conditions than tell apart what may act."""
     table, hidden = problem.visible_rows(), len(problem.vault.rows)
     points = distinct_row_count(table, condition_groups(table), np.ones(table.size, dtype=np.bool_))
     numbers = (*(each.path for each in problem.parameters), *(each.name for each in problem.adopted))

@@ -86,7 +86,6 @@ class StudyFiles:
 
     @property
     def scene_texts(self) -> dict[Path, str]:
-        """Files of its own scenes, with their texts."""
         return {self.folder / f"{name}.toml": text for name, text in self.content.scenes.items()}
 
 

@@ -29,6 +29,7 @@ from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, mean_over_finite_seeds
 from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, study_value
+from taichi_erosion.evidence.record import GapPart
 
 SETTINGS = 3  # the explanation that is told, its runner-up, the bare model
 MOST_SETS = 12  # sets of conditions of one scene at which an answer is tested
@@ -40,24 +41,12 @@ Readings = Mapping[Point, Floats]  # (seeds, observables of the scene), on the e
 
 
 @dataclass(frozen=True)
-class GapTest:
-    """Fresh runs against the emulator of one observable, in its unit."""
-
-    p: float  # of as large gaps at all points if the stated errors are right
-    row: int  # where the gap is largest
-    emulated: float
-    emulated_sd: float
-    simulated: float
-    simulated_sd: float
-
-
-@dataclass(frozen=True)
 class FreshRuns:
     """Fresh runs of one setting, on the comparison scale."""
 
     values: Floats  # (seeds, n); NaN where a row was not simulated or a run has no value
     columns: Floats  # (n, q), errors of one sd of the mean over seeds, which rows of one run share
-    tests: Mapping[str, GapTest]  # by observable
+    tests: Mapping[str, GapPart]  # of the emulator, by observable
 
     @property
     def row_means(self) -> Floats:
@@ -93,6 +82,7 @@ class TestedRow:
     emulator: ObservableEmulator
     measure: SceneMeasure
     at: Numbers  # conditions by dotted path
+    stated: Numbers  # likewise by name
 
     def point(self, setting: Setting) -> Point:
         """What is simulated for it; rows that differ in nothing that a run reads share a point."""
@@ -150,7 +140,8 @@ class FreshSimulator:
             group, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
             for k, row in enumerate(map(int, rows)):
                 at, measure = row_at(columns, k), scene.simulator.measures[name]
-                tested.append(TestedRow(row, observable, place, emulator, measure, at))
+                stated = {key: float(each[k]) for key, each in conditions.items() if np.isfinite(each[k])}
+                tested.append(TestedRow(row, observable, place, emulator, measure, at, stated))
                 group.setdefault(tuple(sorted(at.items())), []).append(row)
         ranked = (sorted(g.values(), key=lambda rows: -float(weight[rows].sum())) for g in groups.values())
         chosen = {row for sets in ranked for rows in sets[:MOST_SETS] for row in rows}
@@ -188,7 +179,6 @@ class FreshSimulator:
 
     @property
     def emulators(self) -> Mapping[str, ObservableEmulator]:
-        """Emulators by the simulator's names."""
         assert isinstance(self.mapping.model, Emulator)
         return self.mapping.model.emulators
 
@@ -236,7 +226,7 @@ class SettingRows:
         errors = np.linalg.cholesky(covariance)[row.place]
         return readings, errors / np.sqrt(max(int(np.isfinite(readings).sum()), 1))
 
-    def gap_test(self, rows: Sequence[TestedRow]) -> GapTest | None:
+    def gap_test(self, rows: Sequence[TestedRow]) -> GapPart | None:
         """Whether the emulator of one observable is off by more than its stated error; None without runs."""
         first: dict[Point, TestedRow] = {}
         for row in rows:
@@ -260,4 +250,5 @@ class SettingRows:
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
         sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
-        return GapTest(p, tested[worst].row, *map(float, (sizes[0], sd[0], sizes[1], sd[1])))
+        numbers, row = map(float, (sizes[0], sd[0], sizes[1], sd[1])), tested[worst]
+        return GapPart((), row.observable.name, row.stated, *numbers, p=p)

@@ -51,8 +51,6 @@ UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions 
 
 @dataclass(frozen=True)
 class Seeds:
-    """Disjoint sets of seeds."""
-
     fitting: Integers
     scoring: Integers
 

@@ -33,25 +33,17 @@ def test_a_shipped_study_is_valid(study, capsys, monkeypatch):
     assert "valid; nothing was run" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("table", "study", "told"),
-    [
-        (
-            TABLE.replace(",5,1,me", ",95,680,me"),
-            STUDY,
-            [
-                "row 2, slope = 95 deg, outside [-90, 90]",
-                "row 2, moisture = 680 % is 6.8 kg kg-1, outside [0, 5]",
-            ],
-        ),
-        (TABLE, STUDY.replace('"bed_slope"', '"moonlight"'), ["candidates.moonlight is not in the library"]),
-        (
-            TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",25,1,me"),
-            STUDY.replace('slope = "conditions.slope"', 'diameter = "grains.size.diameter"'),
-            ["diameter = 25 mm is 0.025 m, which is unusual"],
-        ),
-    ],
-)
+STEEP = ["slope = 95 deg, outside [-90, 90]", "moisture = 680 % is 6.8 kg kg-1, outside [0, 5]"]
+COARSE = TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",25,1,me")
+OF_SIZE = STUDY.replace('slope = "conditions.slope"', 'diameter = "grains.size.diameter"')
+FAULTY = [
+    (TABLE.replace(",5,1,me", ",95,680,me"), STUDY, [f"row 2, {fault}" for fault in STEEP]),
+    (TABLE, STUDY.replace('"bed_slope"', '"moonlight"'), ["candidates.moonlight is not in the library"]),
+    (COARSE, OF_SIZE, ["diameter = 25 mm is 0.025 m, which is unusual"]),
+]
+
+
+@pytest.mark.parametrize(("table", "study", "told"), FAULTY)
 def test_faults_of_a_study_are_told_with_their_place(tmp_path, table, study, told):
     (tmp_path / "t.csv").write_text(table, encoding="utf-8")
     (tmp_path / "t.toml").write_text(study, encoding="utf-8")

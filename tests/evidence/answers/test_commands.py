@@ -95,20 +95,8 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
 
 
 def test_adoptions_count_in_the_errors_of_the_likeliest_explanation(tmp_path):
-    assert (
-        main(
-            [
-                "study",
-                "new",
-                str(DOE / "windkanal_fine.csv"),
-                "--yes",
-                "--closed-form",
-                "--out",
-                str(tmp_path),
-            ]
-        )
-        == 0
-    )
+    words = [str(DOE / "windkanal_fine.csv"), "--yes", "--closed-form", "--out", str(tmp_path)]
+    assert main(["study", "new", *words]) == 0
     sets = {"some": (NAME,), "right": (NAME, "dry_cohesion"), "more": (NAME, "dry_cohesion", "saffman_lift")}
     found = {key: ask("adopt", tmp_path / "windkanal_fine.toml", *names) for key, names in sets.items()}
     before = [reply.record.vault.chi2_per_row_before for reply in found.values()]

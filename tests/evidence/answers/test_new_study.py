@@ -54,6 +54,8 @@ def faults_of(folder: Path, content: bytes, wishes: NewStudyOptions | None = Non
     return caught.value.faults
 
 
+WARM = GOOD.replace("Feuchte in %", "Temperatur [K]").replace("1,6", "20").replace(";0;", ";15;")
+WINDY = GOOD.replace("Böschungswinkel (°)", "u at 1 m [m/s]").replace("[°]", "[m/s]")
 # content of the file -> place of the fault, its remedy
 WRONG_FILES = [
     (b"", "heap.csv", "the first row names the columns"),
@@ -81,16 +83,8 @@ WRONG_FILES = [
     (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
     (changed("SD [°]", "SD [mm]"), "row 2, SD [mm]", "in a column in °"),
     (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
-    (
-        changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),
-        "row 2, temperature = 20 K",
-        "did you mean [degC]?",
-    ),
-    (
-        changed("Böschungswinkel (°)", "u at 1 m [m/s]").replace(b"[\xb0]", b"[m/s]"),
-        "'u at 1 m [m/s]': a wind at 1 m is no friction velocity",
-        "--roughness",
-    ),
+    (WARM.encode("cp1252"), "row 2, temperature = 20 K", "did you mean [degC]?"),
+    (WINDY.encode("cp1252"), "'u at 1 m [m/s]': a wind at 1 m is no friction velocity", "--roughness"),
     (GOOD.encode("cp1252") + b"Probe;Ort\nA;Nord\n", "row 5", "one table in a file"),
 ]
 

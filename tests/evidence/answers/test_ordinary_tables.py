@@ -2,20 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.answers.predictions import predict_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.prepared_problem import prepare_problem
 from taichi_erosion.evidence.race.blocks import AND, smooth_columns
 from taichi_erosion.evidence.race.search import can_make_change
-from tests.evidence.asking import SILENT, ask, no_progress
+from tests.evidence.asking import SILENT, Rows, ask, closed_form_study, no_progress
 
 TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
 ANGLE = {"angle of repose": "0.8 deg"}
@@ -53,15 +51,9 @@ FLUXES = {f"{kept} below": flux_table(kept) for kept in (0, 1, 3, 13)}
 FLUXES["zeros"] = FLUXES["13 below"].replace("<0.05", "0")
 
 
-def study_of(folder: Path, name: str, table: str | Sequence[str | Sequence[object]] = "", **wishes) -> Study:
-    """The study by the closed form of a table, as a text or as its rows, where nobody answers."""
-    lines = (row if isinstance(row, str) else ";".join(map(str, row)) for row in table)
-    text = table if isinstance(table, str) else "".join(f"{line}\n" for line in lines)
-    folder.mkdir(exist_ok=True)
-    (folder / "t.csv").write_text(text or (TABLES / f"{name}.csv").read_text("utf-8"), "utf-8")
-    asked: dict[str, Any] = {"closed_form": True} | wishes
-    document = write_new_study(folder / "t.csv", NewStudyOptions(**asked), lambda _, guess: guess)
-    return load_study(Path(document["study"]))
+def study_of(folder: Path, name: str, table: Rows = "", **wishes) -> Study:
+    """The study by the closed form of a table, else of a file."""
+    return closed_form_study(folder, table or (TABLES / f"{name}.csv").read_text("utf-8"), **wishes)[0]
 
 
 def answer(study: Study) -> Reply:
@@ -326,8 +318,9 @@ def test_a_preparation_that_samples_share_is_no_missing_effect(tmp_path):
     wet, level = (0, 0.3, 0.6, 1, 1.5, 2.2, 3), 0.25 * np.array([0.97, 0.99, 1.1, 1.02, 1.05, 1.07, 0.98])
     speeds = zip("ABC", level * np.random.default_rng(1).normal(1.0, 0.02, (3, 7)), strict=True)
     rows = [f"{name};{w};{u:.3f}" for name, each in speeds for w, u in zip(wet, each, strict=True)]
-    reply = answer(study_of(tmp_path, "", ["sample;moisture (%);u*t (m/s)", *rows]))
-    assert reply.record.verdict == "none_detected"
+    study = study_of(tmp_path, "", ["sample;moisture (%);u*t (m/s)", *rows])
+    assert study.problem.measurements.size == 21, "samples met at every condition state the scatter"
+    assert answer(study).record.verdict == "none_detected"
 
 
 def test_numbers_of_samples_leave_the_soils_of_the_rows(tmp_path):

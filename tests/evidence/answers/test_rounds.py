@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import Mechanism, SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.emulator.design import Setting
-from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
+from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOptions
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race import posterior
@@ -31,7 +31,7 @@ from taichi_erosion.evidence.race.decision import decide_cause
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.record import FreshPart
+from taichi_erosion.evidence.record import FreshPart, GapPart
 from taichi_erosion.scene.load import SOURCE, load_scene
 from tests.evidence.asking import no_progress
 from tests.evidence.emulator.test_training_runs import executing, keys, write
@@ -166,7 +166,7 @@ def test_mechanisms_of_which_runs_are_there_enter_the_race_though_the_misfit_may
 
 
 SEEDS, calls = 2, list[tuple[int, int, int]]()  # times the seeds, rows and settings of every call
-SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
+SIMILAR = {"o": GapPart((), "o", {}, 1.0, 0.1, 1.0, 0.1, p=0.5)}
 
 
 def asked(

@@ -49,14 +49,8 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
         (OPERATORS.format("KM"), "heading 'operator': its words recur: call it 'group' if they name set-ups"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
         (GOOD.replace("repose_angle,33", "slip angle,33"), "observable = 'slip angle' must be a name"),
-        (
-            WITH_SD.replace("sd of moisture", "sd of moistur"),
-            "no column 'moistur'; conditions there: moisture",
-        ),
-        (
-            WITH_SD.replace("sd of moisture [%]", "sd of moisture [mm]"),
-            "is in [mm]; moisture is in [%]: give",
-        ),
+        (WITH_SD.replace("of moisture", "of moistur"), "no column 'moistur'; conditions there: moisture"),
+        (WITH_SD.replace("moisture [%]\n", "moisture [mm]\n"), "is in [mm]; moisture is in [%]: give"),
         (WITH_SD.replace(",0.1", ",-0.1"), "row 2, sd of moisture [%] = '-0.1' must be above 0"),
     ],
 )

@@ -115,7 +115,6 @@ MOST_SETTINGS = 120  # that a law may take
 
 
 def value(observable, conditions, parameters, effects, seeds):
-    """The model."""
     level, dose = parameters["level"], effects.get("pull", 0.0)
     pulled = 30.0 + level + 4.0 * dose * conditions["z"]
     found = pulled if observable == "y" else 5.0 + 0.5 * level + 3.0 * np.log1p(dose) + 0.0 * conditions["z"]

@@ -30,7 +30,6 @@ def told(problem: problems.Problem, **changes) -> Record:
 
 
 def made(**acting: float) -> tuple[problems.Problem, problems.Measurements]:
-    """A study and its table."""
     problem = linear_problem(SHAPES, acting, sd=SD, count=COUNT)
     return problem, problem.measurements
 

@@ -13,10 +13,9 @@ from taichi_erosion.evidence.data.tables.column_roles import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
 
 GERMAN = "Korngröße [µm];Wassergehalt in %;Böschungswinkel (°)\n250;1,6;33,5\n500;0,5;31,2\n"
-RUSSIAN = (
-    "Образец;Диаметр, мкм;Влажность, %;Угол естественного откоса, град\n"
-    "песок;250;1,6;33,5\nпыль;500;0,5;31,2\n"
-)
+RUSSIAN = "Образец;Диаметр, мкм;Влажность, %;Угол естественного откоса, град\n"
+RUSSIAN += "песок;250;1,6;33,5\nпыль;500;0,5;31,2\n"
+CHINESE = "样品\t粒径 (µm)\t含水率 (%)\t安息角 (°)\t备注\n沙\t250\t1.6\t33.5\t好\n土\t500\t0.5\t31.2\t好\n"
 LYING = "Probe;A;B;C\nKorngröße [µm];90;250;500\nFeuchte in %;0;1;2\nBöschungswinkel (°);31;32;33\n"
 SAMPLES = (("A", 0, 31, 32), ("B", 1, 33, 34))
 INSIDE = "\n0,5;31,0;34,2;36,1\n1,0;30,5;32,0;33,1\n2,0;30,1;30,8;31,5\n"
@@ -52,10 +51,7 @@ def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda 
         ("sep=;\n" + GERMAN, "cp1252"),
         (RUSSIAN, "utf-8"),
         (RUSSIAN, "cp1251"),
-        (
-            "样品\t粒径 (µm)\t含水率 (%)\t安息角 (°)\t备注\n沙\t250\t1.6\t33.5\t好\n土\t500\t0.5\t31.2\t好\n",
-            "utf-8",
-        ),
+        (CHINESE, "utf-8"),
         ("Korngröße;Wassergehalt;Böschungswinkel\n;;\nµm;%;°\n250;1,6;33,5\n500;0,5;31,2\n", "cp1252"),
         ("Durchmesser;Feuchte;Böschungswinkel\n250 µm;1,6 %;33,5 °\n500 µm;0,5 %;31,2 °\n", "cp1252"),
     ],
@@ -63,14 +59,17 @@ def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda 
 def test_one_table_has_the_same_rows_however_it_is_written(tmp_path, text, encoding):
     found = read(tmp_path, text.encode(encoding))
     assert found.conditions == ("diameter", "moisture")
-    assert [(row.observable, row.value, row.conditions) for row in found.rows] == [
-        ("repose_angle", 33.5, (250.0, 1.6)),
-        ("repose_angle", 31.2, (500.0, 0.5)),
-    ]
+    assert {row.observable for row in found.rows} == {"repose_angle"}
+    assert {row.conditions: row.value for row in found.rows} == {(250.0, 1.6): 33.5, (500.0, 0.5): 31.2}
+    assert [row.value for row in found.rows] == [33.5, 31.2]
+
+
+def angle(value: float, sd: float = nan, n: int | None = None, unit: str = "deg") -> tuple:
+    return "repose_angle", float(value), sd, n, unit
 
 
 def angles(*values: float, unit: str = "°") -> list[tuple]:
-    return [("repose_angle", float(value), nan, None, unit) for value in values]
+    return [angle(value, unit=unit) for value in values]
 
 
 MERGED = workbook(
@@ -81,67 +80,37 @@ MERGED = workbook(
     ),
     merged=("C1:E1", "F1:G1"),
 )
+ABOVE = (("sample", "moisture", "angle of repose", None), (None, "%", "deg", None), *SAMPLES)
+RUNOUT = [("runout_radius", 120.0, 3.0, 5, "mm"), ("runout_radius", 110.0, 4.0, 6, "mm")]
+TWO = "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n"
+ERRORS = "moisture (g/g);angle of repose (deg);standard error;repeats\n0.00;31.2;0.3;9\n0.02;34;0.4;4\n"
+UNUSED = "moisture [%];repose angle [deg];shininess [mm];SD;tau;sigma_tau;n\n0;31;5;0.2;1;0.1;5\n"
+LOST = "moisture [%];repose angle [deg];sd;n;note\n0;31;0.5;5;\n1;n/a;;;lost\n2;-;;;\n"
+SIEVES = "Korngröße [mm];Böschungswinkel (°);fraction 0.1 mm [%];fraction 0.2 mm [%]" + INSIDE
 # content -> (observable, value, sd, n, unit) of every row
 FOREIGN = {
-    "two rows of headings": (
-        MERGED,
-        [
-            ("repose_angle", 31.0, 0.7, 5, "deg"),
-            ("runout_radius", 120.0, 3.0, 5, "mm"),
-            ("repose_angle", 33.0, 0.8, 6, "deg"),
-            ("runout_radius", 110.0, 4.0, 6, "mm"),
-        ],
-    ),
-    "a merged heading above repeats": (
-        workbook(
-            (("sample", "moisture", "angle of repose", None), (None, "%", "deg", None), *SAMPLES),
-            merged=("C1:D1",),
-        ),
-        angles(31, 32, 33, 34, unit="deg"),
-    ),
-    **{
-        f"a merged heading, below it {below}": (
-            f"w [%];Böschungswinkel [°];\n{below}\n0;31;32\n1;33;34\n",
-            angles(31, 32, 33, 34),
-        )
-        for below in (";°;°", ";1;2", ";;")
-    },
+    "two rows of headings": (MERGED, [angle(31, 0.7, 5), RUNOUT[0], angle(33, 0.8, 6), RUNOUT[1]]),
+    "a heading above repeats": (workbook(ABOVE, merged=("C1:D1",)), angles(31, 32, 33, 34, unit="deg")),
     "one row like numbers of repeats": ("w [%];Böschungswinkel [°]\n1;2\n1;20\n2;21\n", angles(2, 20, 21)),
-    "repeats side by side": (
-        "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n",
-        angles(31, 32.5, 33, 34, unit="deg"),
-    ),
+    "repeats side by side": (TWO, angles(31, 32.5, 33, 34, unit="deg")),
     "scatter behind the sign": (
         "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 (+/- 0,7);5\n",
-        [("repose_angle", 31.2, 0.8, 5, "°"), ("repose_angle", 30.1, 0.7, 5, "°")],
+        [angle(31.2, 0.8, 5, "°"), angle(30.1, 0.7, 5, "°")],
     ),
-    "standard errors": (
-        "moisture (g/g);angle of repose (deg);standard error;repeats\n0.00;31.2;0.3;9\n0.02;34;0.4;4\n",
-        [("repose_angle", 31.2, 0.9, 9, "deg"), ("repose_angle", 34.0, 0.8, 4, "deg")],
-    ),
-    **{
-        f"relative scatter, {heading}": (
-            f"moisture [%];repose angle [deg];{heading}\n0;50;{0.02 if heading == 'CV' else 2}\n",
-            [("repose_angle", 50.0, 1.0, None, "deg")],
-        )
-        for heading in ("CV [%]", "SD (%)", "RSD in %", "Variationskoeffizient", "CV")
-    },
-    "scatter of quantities that are not used": (
-        "moisture [%];repose angle [deg];shininess [mm];SD;tau;sigma_tau;n\n0;31;5;0.2;1;0.1;5\n",
-        [("repose_angle", 31.0, nan, 5, "deg")],
-    ),
+    "standard errors": (ERRORS, [angle(31.2, 0.9, 9), angle(34, 0.8, 4)]),
+    "scatter of quantities that are not used": (UNUSED, [angle(31, nan, 5)]),
     "sd in mm": ("w [%];pile height [cm];SD [mm]\n0;4;1\n", [("pile_height", 4.0, 0.1, None, "cm")]),
     "diameter": ("w [%];Haufendurchmesser [mm];SD\n0;40;1\n", [("runout_radius", 20.0, 0.5, None, "mm")]),
     "a table on its side": (LYING, angles(31, 32, 33)),
-    "cells without a measurement": (
-        "moisture [%];repose angle [deg];sd;n;note\n0;31;0.5;5;\n1;n/a;;;lost\n2;-;;;\n",
-        [("repose_angle", 31.0, 0.5, 5, "deg")],
-    ),
-    "sieve fractions": (
-        "Korngröße [mm];Böschungswinkel (°);fraction 0.1 mm [%];fraction 0.2 mm [%]" + INSIDE,
-        angles(31, 30.5, 30.1),
-    ),
+    "cells without a measurement": (LOST, [angle(31, 0.5, 5)]),
+    "sieve fractions": (SIEVES, angles(31, 30.5, 30.1)),
 }
+for below in (";°;°", ";1;2", ";;"):
+    text = f"w [%];Böschungswinkel [°];\n{below}\n0;31;32\n1;33;34\n"
+    FOREIGN[f"a merged heading, below it {below}"] = text, angles(31, 32, 33, 34)
+for heading in ("CV [%]", "SD (%)", "RSD in %", "Variationskoeffizient", "CV"):
+    text = f"moisture [%];repose angle [deg];{heading}\n0;50;{0.02 if heading == 'CV' else 2}\n"
+    FOREIGN[f"relative scatter, {heading}"] = text, [angle(50, 1.0)]
 
 
 @pytest.mark.parametrize("name", FOREIGN)

@@ -2,22 +2,22 @@
 
 import io
 import re
+from collections.abc import Mapping
 from math import log
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import NewStudyOptions, write_new_study
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.models.prepared_problem import condition_errors
+from tests.evidence.asking import Rows, closed_form_study
 
 SANDS = [(0.25, 0, 0.233), (0.25, 0.6, 0.299), (0.5, 0, 0.319)]
 SANDS += [(0.5, 0.6, 0.445), (1, 0, 0.472), (1, 0.6, 0.606)]
@@ -27,20 +27,15 @@ HEAP = "moisture (%);angle of repose (deg);SD;{}\n"
 SALT = "moisture (%);{};angle of repose (deg);SD\n"
 
 
-def measured(
-    base: Path, table: str | bytes | list[str], name: str = "t.csv", **wishes
-) -> tuple[Measurements, list[str]]:
-    """Measurements of the study of a table, a text or its lines, by the closed form, and what was assumed."""
-    text = "\n".join([*table, ""]) if isinstance(table, list) else table
-    (base / name).write_bytes(text if isinstance(text, bytes) else text.encode())
-    asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
-    document = write_new_study(base / name, NewStudyOptions(**asked), lambda _, guess: guess)
-    return load_study(Path(document["study"])).problem.measurements, document["assumed"]
+def measured(folder: Path, rows: Rows, name: str = "t.csv", **wishes) -> tuple[Measurements, list[str]]:
+    """Measurements of the study of a table by the closed form, and what was assumed."""
+    study, assumed = closed_form_study(folder, rows, name, **wishes)
+    return study.problem.measurements, assumed
 
 
-def refused(folder: Path, text: str, **wishes) -> str:
+def refused(folder: Path, rows: Rows, **wishes) -> str:
     with pytest.raises(BadInput) as caught:
-        measured(folder, text, **wishes)
+        measured(folder, rows, **wishes)
     assert not (folder / "t").exists(), "nothing is written"
     return "\n".join(caught.value.faults)
 
@@ -294,11 +289,6 @@ def test_a_condition_of_its_own_that_a_refusal_offers_is_one(tmp_path, heading):
     assert "moisture" not in found.conditions
 
 
-def test_words_that_divide_a_condition_into_ranges_are_asked(tmp_path):
-    rows = (f"{'wet' if w else 'dry'},{d},{w},{u},0.01\n" for d, w, u in SANDS)
-    assert "its words divide 'moisture [%]' into ranges" in refused(tmp_path, f"state,{HEAD}{''.join(rows)}")
-
-
 def test_words_that_recur_name_set_ups_and_numbers_are_what_their_sizes_allow(tmp_path):
     head = "crop,oven temperature (°C),n (%),s," + HEAD.replace("SD [m/s]", "SD (m/s)")
     cells = zip("aabbab", (5, 60, 5, 60, 60, 5), (46, 44, 45, 46, 44, 45), SANDS, strict=True)
@@ -313,12 +303,6 @@ def test_words_that_recur_name_set_ups_and_numbers_are_what_their_sizes_allow(tm
         for kind in ("material;note", "note;type of grain"):
             found, _ = measured(tmp_path, f"{kind};angle of repose (deg);SD\n{text}")
             assert len({*found.group}) == groups, "words alone tell rows apart"
-
-
-@pytest.mark.parametrize("heading", ["hauteur de chute (cm)", "probe depth (cm)"])
-def test_a_column_with_a_unit_is_no_label_whatever_word_its_heading_holds(tmp_path, heading):
-    rows = "".join(f"{w};{h};{30 + w + h};0.5\n" for w in (0, 1, 2) for h in (2, 5, 9))
-    assert len(measured(tmp_path, SALT.format(heading) + rows)[0].conditions) == 2
 
 
 PROFILES = [
@@ -388,13 +372,6 @@ def test_repeats_that_a_heading_counts_are_those_of_every_row_and_of_no_numbered
 TILTED = "{};u*t (m/s);SD;d (mm)\n0{u};0.2;0.01;0.25\n5{u};0.22;0.01;0.25\n10{u};0.23;0.01;0.25\n"
 
 
-@pytest.mark.parametrize(
-    "text", [TILTED.replace("{u}", " %").format("slope"), WET.format("moisture (%)", "repose angle (%)")]
-)
-def test_an_angle_in_per_cent_is_never_read_as_degrees(tmp_path, text):
-    assert "(% of an angle is a tangent" in refused(tmp_path, text)
-
-
 @pytest.mark.parametrize("heading", ["slope (%)", "percent slope"])
 def test_a_slope_in_per_cent_is_the_tangent_of_an_angle_and_told(tmp_path, heading):
     found, told = measured(tmp_path, TILTED.replace("{u}", "").format(heading))
@@ -429,39 +406,42 @@ def test_unread_columns_that_are_left_out_are_told_in_one_sentence(tmp_path):
     assert "'year' (it counts rows or years), '' (it counts rows or years)" in told
 
 
-LONE = "{};u*t (m/s);SD;n\n"
+def speeds(heading: str, values: Mapping[object, float]) -> list[str | tuple]:
+    """A table of threshold friction velocities [m/s], by the cells of other columns."""
+    return [f"{heading};u*t (m/s);SD;n", *((x, u, 0.01, 4) for x, u in values.items())]
+
+
+SINGLE = {"diameter": "0.2 mm"}  # where no column states that of the grains
 COVERS = {0: 0.318, 5: 0.388, 10: 0.501, 15: 0.557, 20: 0.682, 30: 0.832, 40: 1.03}  # % -> m/s, 3 %
 
 
-@pytest.mark.parametrize("heading", ["flat residue cover (%)", "chlorophyll (µg/cm2)", "pile mass (g)"])
-def test_a_condition_that_is_followed_closely_is_no_result(tmp_path, heading):
-    rows = "".join(f"{x};{u};0.01;4\n" for x, u in COVERS.items())
-    found, _ = measured(tmp_path, LONE.format(heading) + rows, diameter="0.2 mm")
-    assert len(np.unique(next(iter(found.conditions.values())))) == len(COVERS)
-
-
 def test_what_may_be_computed_from_all_that_is_measured_is_asked(tmp_path):
-    rows = "".join(f"{1.2 * u * u:.4f};{u};0.01;4\n" for u in COVERS.values())
-    text = LONE.format("bed stress (Pa)") + rows
-    assert "--condition 'bed stress=Pa'" in refused(tmp_path, text, diameter="0.2 mm")
+    rows = speeds("bed stress (Pa)", {f"{1.2 * u * u:.4f}": u for u in COVERS.values()})
+    assert "--condition 'bed stress=Pa'" in refused(tmp_path, rows, **SINGLE)
     options = TableOptions(conditions={"bed stress": "Pa"})
-    assert "bed_stress" in measured(tmp_path, text, diameter="0.2 mm", table_options=options)[0].conditions
+    assert "bed_stress" in measured(tmp_path, rows, table_options=options, **SINGLE)[0].conditions
 
 
 def test_a_length_as_large_as_grains_is_not_a_condition_beside_an_assumed_grain(tmp_path):
     sizes = {0.12: 0.0, 0.18: 0.01, 0.25: 0.0, 0.36: 0.01, 0.5: 0.0, 0.71: 0.01}
-    rows = "".join(f"{d};{0.47 * d**0.5 + more:.3f};0.01;4\n" for d, more in sizes.items())
-    text = LONE.format("shot mean (mm)") + rows
-    assert "'shot mean=grains.size.diameter'" in refused(tmp_path, text)
-    assert "shot_mean" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
+    rows = speeds("shot mean (mm)", {d: round(0.47 * d**0.5 + more, 3) for d, more in sizes.items()})
+    assert "'shot mean=grains.size.diameter'" in refused(tmp_path, rows)
+    assert "shot_mean" in measured(tmp_path, rows, **SINGLE)[0].conditions
 
 
-@pytest.mark.parametrize("label", ["F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值"])
-def test_a_row_of_a_statistic_is_no_measurement(tmp_path, label):
-    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
-    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}{label},0.9,41.3,,\n"
-    assert measured(tmp_path, text.replace(label, "slope").replace(",,", ",0.5,4"), "s.csv")[0].size == 5
-    assert f"row 6, '{label}': the row sums up others" in refused(tmp_path, text)
+NAMED = "sample,moisture (%),angle of repose (deg),SD,n\n"
+NAMED += "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
+RUNNING = "no.,moisture (%),angle of repose (deg)\n" + "".join(f"{k},{k % 2},{30 + k}\n" for k in range(8))
+SUMS = [(f"{NAMED}{{}},0.9,41.3,,\n", each) for each in ("F", "Tukey HSD", "LSD (p = 0.05)", "R2", "F值")]
+SUMS += [(f"{RUNNING}{{}},1,34.0\n", each) for each in ("MW", "Ср.", "± s", "SD", "CV (%)")]
+
+
+@pytest.mark.parametrize(("text", "label"), SUMS)
+def test_a_row_of_a_statistic_is_no_measurement(tmp_path, text, label):
+    rows = text.count("\n") - 1
+    word = "slope" if text.startswith(NAMED) else "control"
+    assert measured(tmp_path, text.format(word).replace(",,", ",0.5,4"), "s.csv")[0].size == rows
+    assert f"row {rows + 1}, '{label}': the row sums up others" in refused(tmp_path, text.format(label))
 
 
 @pytest.mark.parametrize("power", [1, 2])
@@ -487,17 +467,8 @@ def test_columns_that_differ_in_all_rows_alike_are_no_repeats(tmp_path):
     assert measured(tmp_path, shuffled, "s.csv")[0].size == 18
 
 
-@pytest.mark.parametrize("label", ["MW", "Ср.", "± s", "SD", "CV (%)"])
-def test_a_word_of_a_statistic_among_running_numbers_is_no_measurement(tmp_path, label):
-    rows = "".join(f"{k},{k % 2},{30 + k}\n" for k in range(8))
-    text = f"no.,moisture (%),angle of repose (deg)\n{rows}{label},1,34.0\n"
-    assert f"row 10, '{label}': the row sums up others" in refused(tmp_path, text)
-    assert measured(tmp_path, text.replace(label, "control"), "c.csv")[0].size == 9
-
-
 def test_a_mean_of_some_rows_is_refused_and_a_table_of_means_is_not(tmp_path):
-    rows = "".join(f"T{w},{w},{30 + w},0.5,4\n" for w in range(4))
-    text = f"sample,moisture (%),angle of repose (deg),SD,n\n{rows}T0 mean,0,30.2,0.5,8\n"
+    text = f"{NAMED}T0 mean,0,30.2,0.5,8\n"
     assert "row 6, 'T0 mean': the row sums up others" in refused(tmp_path, text)
     for word in ("Mean", "A avg.", "MW", "Ø"):
         of_all = text.replace("T0 mean,0,30.2", f"{word},1.5,31.5")
@@ -525,29 +496,6 @@ def test_words_beside_a_table_say_what_stands_behind_a_sign(tmp_path):
         assert np.allclose(measured(tmp_path, text.format("").replace("(deg)", sign))[0].sd, sd)
 
 
-def test_a_dose_that_the_control_lacks_is_a_condition(tmp_path):
-    doses = {"-": 0, "2": 2, "5": 5, "9": 9, "20": 20, "40": 40}
-    rows = "".join(f"T{x};{cell};0.3;{30 + 0.2 * x}\n" for cell, x in doses.items())
-    text = "treatment;gum (g/m2);moisture (%);angle of repose (deg)\n" + rows
-    assert len(measured(tmp_path, text, sd={"repose_angle": "1 deg"})[0].conditions["gum"]) == 5
-
-
-DOSES = {0: 0.308, 100: 0.327, 200: 0.346, 500: 0.407, 1000: 0.507, 2000: 0.71}  # kg/ha -> m/s
-
-
-@pytest.mark.parametrize("heading", ["gypsum (kg/ha)", "age (d)", "gypsum"])
-def test_a_dose_set_by_hand_is_no_computed_column(tmp_path, heading):
-    text = LONE.format(heading) + "".join(f"{x};{u};0.01;4\n" for x, u in DOSES.items())
-    assert len(measured(tmp_path, text, diameter="0.2 mm")[0].conditions) == 2
-
-
-def test_doses_of_products_in_other_steps_are_conditions(tmp_path):
-    doses = {"PAM": (5, 10, 20), "lime": (500, 1000, 2000), "straw": (50, 100, 200)}
-    rows = [f"{name};{x};{0.3 + 0.05 * k:.2f};0.01;4" for name, xs in doses.items() for k, x in enumerate(xs)]
-    found, _ = measured(tmp_path, ["product;rate (kg/ha);u*t (m/s);SD;n", *rows], diameter="0.2 mm")
-    assert "rate" in found.conditions
-
-
 @pytest.mark.parametrize("heading", ["parameter", "variable", "observable"])
 def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     rows = [f"T{w},angle of repose,{30 + w},deg,0.6,4,{w}" for w in range(5)]
@@ -565,29 +513,6 @@ def test_a_long_table_is_read_by_the_words_of_its_rows(tmp_path, heading):
     assert "friction_velocity" in measured(tmp_path, flux, "flux.csv")[0].conditions
     letters = flux.replace("sand flux", "repose angle").replace("g/(m s)", "deg").replace("u* [m/s]", "w (%)")
     assert "moisture" in measured(tmp_path, letters.replace("value", "Value"), "w.csv")[0].conditions
-
-
-def test_samples_met_at_every_condition_state_the_scatter(tmp_path):
-    noise = np.random.default_rng(2).normal(0.0, 0.5, (4, 5))
-    rows = [f"T{k};{w};{30 + k + noise[k, w]:.1f}" for k in range(4) for w in range(5)]
-    found, _ = measured(tmp_path, ["sample;moisture (%);angle of repose (deg)", *rows])
-    assert found.size == 20  # each sample is a set-up: none is repeated
-
-
-def test_what_a_formula_calibrates_is_no_condition_of_it(tmp_path):
-    text = "static friction coefficient;angle of repose (deg);SD\n0.3;16;0.5\n0.5;26;0.5\n0.7;35;0.5\n"
-    assert "which is calibrated: leave out --closed-form" in refused(tmp_path, text)
-
-
-def test_a_length_that_no_grain_of_sand_has_asks_for_no_diameter(tmp_path):
-    text = "rain (mm);u*t (m/s);SD;n\n0;0.3;0.01;4\n5;0.31;0.01;4\n25;0.34;0.01;4\n"
-    assert "rain" in measured(tmp_path, text)[0].conditions
-
-
-def test_a_known_condition_is_computed_from_no_result(tmp_path):
-    rows = "".join(f"{20 * u * u:.3f};{u};0.01;4\n" for u in COVERS.values())
-    text = LONE.format("loss on ignition (%)") + rows
-    assert "organic_fraction" in measured(tmp_path, text, diameter="0.2 mm")[0].conditions
 
 
 def test_what_cannot_be_measured_and_what_is_hidden_is_refused(tmp_path):
@@ -628,27 +553,75 @@ def test_blocks_with_a_column_of_their_own_are_repeats_and_an_operator_makes_non
     assert "altitude" in measured(tmp_path, heights, "h.csv", diameter="0.2 mm")[0].conditions
 
 
-def test_what_is_computed_from_the_mean_of_repeats_side_by_side_is_no_condition(tmp_path):
-    means = np.array([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]])
-    repeats = np.random.default_rng(3).normal(means, 0.01, (7, 3)).round(3)
-    rows = [f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}" for w, u in enumerate(repeats)]
-    text = ["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)", *rows]
-    assert {*measured(tmp_path, text, diameter="0.2 mm")[0].conditions} == {"moisture", "diameter"}
+FALLS = "moisture (%);{};angle of repose (deg);SD\n"
+FALLS += "".join(f"{w};{h};{30 + w + h};0.5\n" for w in (0, 1, 2) for h in (2, 5, 9))
+PRODUCTS = {"PAM": (5, 10, 20), "lime": (500, 1000, 2000), "straw": (50, 100, 200)}
+RATES = {f"{name};{x}": 0.3 + 0.05 * k for name, rates in PRODUCTS.items() for k, x in enumerate(rates)}
+GUM = ["treatment;gum (g/m2);moisture (%);angle of repose (deg)"]
+GUM += [f"T{x};{x or '-'};0.3;{30 + 0.2 * x}" for x in (0, 2, 5, 9, 20, 40)]
+MEANS = np.array([[0.25], [0.29], [0.33], [0.36], [0.41], [0.47], [0.5]])
+STRESS = ["moisture (%);u*t 1 (m/s);u*t 2 (m/s);u*t 3 (m/s);shear stress (Pa)"]
+for w, u in enumerate(np.random.default_rng(3).normal(MEANS, 0.01, (7, 3)).round(3)):
+    STRESS.append(f"{w};{';'.join(map(str, u))};{1.2 * u.mean().round(3) ** 2:.4f}")
+LOSSES = {round(20.0 * u * u, 3): u for u in COVERS.values()}
+KEPT = {  # what is shown -> a table, what is stated beside it, its conditions and the number of its rows
+    "a length that no sand has": (speeds("rain (mm)", {0: 0.3, 5: 0.31, 25: 0.34}), {}, "diameter rain", 3),
+    "doses of products in other steps": (speeds("product;rate (kg/ha)", RATES), SINGLE, "diameter rate", 9),
+    "a dose that the control lacks": (GUM, {"sd": {"repose_angle": "1 deg"}}, "gum moisture", 5),
+    "a length is no label": (FALLS.format("hauteur de chute (cm)"), {}, "hauteur_de_chute moisture", 9),
+    "nor is a depth of a probe": (FALLS.format("probe depth (cm)"), {}, "moisture probe_depth", 9),
+    "what follows from the mean of repeats side by side is none": (STRESS, SINGLE, "diameter moisture", 21),
+    "a known one": (speeds("loss on ignition (%)", LOSSES), SINGLE, "diameter organic_fraction", 7),
+}
 
 
-TWO_READINGS = [  # a condition, its cells, what is said of it
-    ("d50 (µm)", ("250", "500", "1.000"), "'1.000' has two readings: write 1000 or 1.0000"),
-    ("d50 (mm)", ("2024-02-01", "2024-04-03", "2024-06-05"), "is a date; if the spreadsheet made it"),
-    ("mulch (g/m2)", ("none", "100", "200"), "'none' may mean 0: write that where it does"),
-    ("density (g/cm3)", ("1.3", "1.5", "1.7"), "of the bulk or of the grains?"),
-    ("slope (downhill positive) (deg)", ("0", "5", "10"), "'downhill positive' makes it another quantity"),
+@pytest.mark.parametrize(("rows", "stated", "names", "count"), KEPT.values(), ids=KEPT)
+def test_conditions_of_a_table(tmp_path, rows, stated, names, count):
+    found, _ = measured(tmp_path, rows, **stated)
+    assert (sorted(found.conditions), found.size) == (names.split(), count)
+
+
+DOSES = {0: 0.308, 100: 0.327, 200: 0.346, 500: 0.407, 1000: 0.507, 2000: 0.71}  # kg/ha -> m/s
+FOLLOWED = dict.fromkeys(("flat residue cover (%)", "chlorophyll (µg/cm2)", "pile mass (g)"), COVERS)
+FOLLOWED |= dict.fromkeys(("gypsum (kg/ha)", "age (d)", "gypsum"), DOSES)
+
+
+@pytest.mark.parametrize(("heading", "values"), FOLLOWED.items(), ids=FOLLOWED)
+def test_a_condition_that_the_result_follows_closely_is_computed_from_no_result(tmp_path, heading, values):
+    column, _ = measured(tmp_path, speeds(heading, values), **SINGLE)[0].conditions.values()
+    assert len(np.unique(column)) == len(values)
+
+
+READINGS = [  # a condition, its cells, what is said of it
+    ("d50 (µm)", "250 500 1.000", "'1.000' has two readings: write 1000 or 1.0000"),
+    ("d50 (mm)", "2024-02-01 2024-04-03 2024-06-05", "is a date; if the spreadsheet made it"),
+    ("mulch (g/m2)", "none 100 200", "'none' may mean 0: write that where it does"),
+    ("density (g/cm3)", "1.3 1.5 1.7", "of the bulk or of the grains?"),
+    ("slope (downhill positive) (deg)", "0 5 10", "'downhill positive' makes it another quantity"),
 ]
+FRICTION = "static friction coefficient;angle of repose (deg);SD\n0.3;16;0.5\n0.5;26;0.5\n0.7;35;0.5\n"
+STATES = "".join(f"{'wet' if w else 'dry'},{d},{w},{u},0.01\n" for d, w, u in SANDS)
+REFUSED = [
+    (speeds(text, dict(zip(cells.split(), (0.3, 0.4, 0.5), strict=False))), words)
+    for text, cells, words in READINGS
+]
+REFUSED += [(TILTED.replace("{u}", " %").format("slope"), "(% of an angle is a tangent")]
+REFUSED += [(WET.format("moisture (%)", "repose angle (%)"), "(% of an angle is a tangent")]
+REFUSED += [(FRICTION, "which is calibrated: leave out --closed-form")]
+REFUSED += [(f"state,{HEAD}{STATES}", "its words divide 'moisture [%]' into ranges")]
 
 
-@pytest.mark.parametrize(("heading", "cells", "words"), TWO_READINGS)
-def test_a_condition_with_two_readings_is_refused(tmp_path, heading, cells, words):
-    rows = "".join(f"{cell};0.{k + 3};0.01;4\n" for k, cell in enumerate(cells))
-    assert words in refused(tmp_path, LONE.format(heading) + rows)
+@pytest.mark.parametrize(("rows", "words"), REFUSED)
+def test_what_has_two_readings_or_is_another_quantity_is_refused(tmp_path, rows, words):
+    assert words in refused(tmp_path, rows)
+
+
+@pytest.mark.parametrize("columns", ["static friction;restitution;0.2;0.4", "A;B;-1;+1;-1,41;1,41;0"])
+def test_a_design_of_simulations_or_of_coded_levels_is_audited(tmp_path, columns):
+    first, second, *levels = columns.split(";")
+    rows = [(a, b, 30 + len(a + b), 0.5) for a in levels for b in levels]
+    text = [f"{first};{second};angle of repose (deg);SD", *rows]
+    assert "`taichi-erosion audit t.csv` checks its design" in refused(tmp_path, text)
 
 
 def test_other_marks_of_spreadsheets_are_read(tmp_path):
@@ -662,19 +635,9 @@ def test_grains_lie_anywhere_in_their_class(tmp_path):
     rows = "".join(
         f"{d};{w};0.{k + 2}{w};0.01;4\n" for k, d in enumerate(("0.1-0.2", "0.25-0.5")) for w in (0, 2)
     )
-    (tmp_path / "t.csv").write_text("sieve class (mm);moisture (%);u*t (m/s);SD;n\n" + rows)
-    study = write_new_study(tmp_path / "t.csv", NewStudyOptions(closed_form=True), lambda _, guess: guess)
-    problem = load_study(Path(study["study"])).problem
+    problem = closed_form_study(tmp_path, "sieve class (mm);moisture (%);u*t (m/s);SD;n\n" + rows)[0].problem
     errors, _ = condition_errors(comparison_rows(problem, problem.measurements))
     assert errors["diameter"] == pytest.approx(np.array([1e-4, 1e-4, 2.5e-4, 2.5e-4]) / 12**0.5)
-
-
-@pytest.mark.parametrize("columns", ["static friction;restitution;0.2;0.4", "A;B;-1;+1;-1,41;1,41;0"])
-def test_a_design_of_simulations_or_of_coded_levels_is_audited(tmp_path, columns):
-    first, second, *levels = columns.split(";")
-    rows = "".join(f"{a};{b};{30 + len(a + b)};0.5\n" for a in levels for b in levels)
-    text = f"{first};{second};angle of repose (deg);SD\n{rows}"
-    assert "`taichi-erosion audit t.csv` checks its design" in refused(tmp_path, text)
 
 
 def test_what_a_heap_has_beside_its_angle_is_asked_unless_it_is_set(tmp_path):
