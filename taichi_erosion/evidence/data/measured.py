@@ -15,7 +15,7 @@ from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.data.table_units import DAY, TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import AGREED, NOTE, Column, Interview, TableOptions
 from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
@@ -46,7 +46,6 @@ from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, meaning_o
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
-DAY = "day"  # the condition that dates become
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {"observable": "single repeats", "condition": "the stated condition"}  # of ±, by role
 ATTENUATION = 0.05  # share of a slope that errors of a measured condition may take before it is told

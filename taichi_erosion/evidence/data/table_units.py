@@ -13,6 +13,7 @@ from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.tables.number_words import PURE, plain, with_unit
 
 KEY = "table_units"  # of a document
+DAY = "day"  # the condition that dates become
 
 
 @dataclass(frozen=True)

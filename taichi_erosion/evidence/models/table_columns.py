@@ -11,8 +11,9 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import DAY, column_options, condition_scales, value_faults
+from taichi_erosion.evidence.data.measured import column_options, condition_scales, value_faults
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
+from taichi_erosion.evidence.data.table_units import DAY
 from taichi_erosion.evidence.data.tables.column_roles import Column, Interview
 from taichi_erosion.evidence.data.tables.interview import understand_columns
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table

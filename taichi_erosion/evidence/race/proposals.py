@@ -19,8 +19,8 @@ from scipy.linalg import hadamard
 from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
-from taichi_erosion.evidence.data.measured import DAY
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
+from taichi_erosion.evidence.data.table_units import DAY
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import UNLISTED, Fit, Hypothesis

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.evidence import record as records
-from taichi_erosion.evidence.data.measured import DAY
-from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.data.table_units import DAY, TableUnits
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.record import Interval, Record
 from taichi_erosion.evidence.words import part_words
