@@ -33,7 +33,6 @@ def value_beyond_side(kind: ti.template(), inside, wall):
 
 @ti.func
 def value_on_side(kind: ti.template(), inside, wall):
-    """Value on a side along z."""
     return wall if ti.static(kind in IMPOSED) else inside
 
 

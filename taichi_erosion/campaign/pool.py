@@ -63,7 +63,6 @@ WORKER: list[tuple[RunFunction, Ledger]] = []  # of this process, where it is a 
 
 
 def start_local_worker(name: str, folder: Path) -> None:
-    """First call in a local worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
     threading.Thread(target=exit_with_parent, daemon=True).start()
     left_at_end = ExitStack()

@@ -285,7 +285,6 @@ class CalibrationStudy:
         return {path: entry.label or path for path, entry in self.study.parameters.items()}
 
     def measure(self, observable: str) -> str:
-        """Measure that answers an observable."""
         return self.study.observables[observable].measure or observable
 
 

@@ -80,7 +80,6 @@ def run_and_print_steps(
 
 
 def print_design(calibration: "Calibration", section: str) -> None:
-    """Print runs with their settings and responses."""
     rows = calibration.document[section]["rows"]
     values = ((row["settings"] | row["responses"]).values() for row in rows)
     cells = ([str(number), *map(output.number_text, row)] for number, row in enumerate(values, start=1))

@@ -264,7 +264,6 @@ def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False)
 
 
 def pairs(entries: Pairs, option: str) -> Mapping[str, str]:
-    """Columns with what they are, from COLUMN=NAME."""
     values = {}
     for pair in entries or ():
         column, equals, name = pair.rpartition("=")

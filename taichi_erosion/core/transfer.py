@@ -28,7 +28,6 @@ NUMPY_TYPES = {"f32": np.float32, "f64": np.float64, "i32": np.int32}
 
 
 def is_host_memory() -> bool:
-    """Whether fields lie in host memory."""
     return impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 

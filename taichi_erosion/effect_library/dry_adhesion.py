@@ -36,7 +36,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     pull = strength * DIAMETER_OVER_EFFECTIVE * params.beta / params.contacts
     return {"pull": pull * conditions.get("adhesion_scale", 1.0), "range": params.range}
 

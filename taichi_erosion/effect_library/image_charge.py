@@ -29,7 +29,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     root = 1.0 / (16.0 * pi * PERMITTIVITY) ** 0.5
     return {"charge": strength * params.charge * root, "range": params.range}
 

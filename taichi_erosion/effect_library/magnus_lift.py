@@ -29,7 +29,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     return {"lift": strength * params.coefficient}
 
 

@@ -36,7 +36,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     return {"strength": strength, **asdict(params)}
 
 

@@ -34,7 +34,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     return {"time": strength * params.loss / (LOSS_FACTOR * params.speed**0.2)}  # A (K / m*)^(2/5)
 
 

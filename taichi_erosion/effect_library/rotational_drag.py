@@ -27,7 +27,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     return {"drag": strength * params.coefficient / 64.0}
 
 

@@ -35,7 +35,6 @@ class Params:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     free, wall = strength * params.coefficient, strength * params.wall_coefficient
     return {"free": free, "wall": wall, "range": params.wall_range}
 

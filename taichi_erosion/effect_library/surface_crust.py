@@ -52,7 +52,6 @@ class State:
 
 
 def constants(params: Params, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     stress = strength * params.tensile_strength * pi * params.neck**2  # full force over R^2 [Pa]
     others = {name: getattr(params, name) for name in ("strain", "rupture", "setting", "still")}
     return {"stress": stress} | others

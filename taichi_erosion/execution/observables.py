@@ -69,12 +69,10 @@ class MeasureInput:
 
     @property
     def steady_air_profiles(self) -> tuple[AirProfile, ...]:
-        """Air of those frames."""
         return self.airs[self.window.first :] if self.window else self.airs
 
     @property
     def wind_tunnel(self) -> threshold.Tunnel:
-        """The tunnel in which the patch lies."""
         patch, search = self.wind_patch, self.scene.threshold
         return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.speed_ratio)
 

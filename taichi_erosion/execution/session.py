@@ -78,7 +78,6 @@ class Session:
 
     @property
     def state(self) -> staging.ReplicaState:
-        """Progress of the replica through its stages."""
         return self.ensemble.states[0]
 
     @property
@@ -167,7 +166,6 @@ def run_until_time(session: Session, time: float) -> None:
 
 
 def raise_if_session_failed(session: Session) -> None:
-    """Raise SimulationStopped where a check has failed."""
     if session.state.failure is not None:
         raise SimulationStopped(failure_message(session.state.failure, session.seed))
 

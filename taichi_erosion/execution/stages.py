@@ -52,11 +52,9 @@ class ReplicaState:
 
     @property
     def active(self) -> bool:
-        """Neither finished nor failed."""
         return not self.finished and self.failure is None
 
     def warn(self, text: str) -> None:
-        """Add a warning, once."""
         if text not in self.warnings:
             self.warnings.append(text)
 

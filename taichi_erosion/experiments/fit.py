@@ -242,7 +242,6 @@ def figures_of_merit(fit: Fit) -> Quality:
 
 
 def ratio_or_nan(numerator: float, denominator: float) -> float:
-    """A quotient, NaN over 0."""
     return numerator / denominator if denominator else nan
 
 

@@ -59,7 +59,6 @@ def goal_desirability(goal: Goal, value: Floats, softness: float = 0.0) -> Float
 
 
 def desirability(shares: Floats) -> Floats:
-    """D of shares [points, goals]."""
     return np.prod(np.maximum(shares, 0.0) ** (1.0 / shares.shape[1]), axis=1)
 
 

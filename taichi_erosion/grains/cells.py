@@ -39,7 +39,6 @@ class Cells:
 
 
 def allocate_cells(replicas: int, grains: int, capacity: int) -> Cells:
-    """Fields of `capacity` cells a replica."""
     table = arrays(replicas, i32="most", f64="width_least", f64x3="low inverse_width", i32x3="number axes")
     first = arrays(replicas * (capacity + 2), i32="first")
     return Cells(capacity, **table, **first, **arrays(replicas * grains, i32="cell order"))

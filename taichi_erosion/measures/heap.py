@@ -131,7 +131,6 @@ def mean_ring_heights(snapshot: Snapshot, base_height: float = 0.0) -> Floats:
 
 
 def sector_count_of_rings(rings: int) -> NDArray[np.int64]:
-    """Sector counts of the first rings [1]."""
     return np.maximum((pi * (np.arange(rings) + 0.5)).astype(np.int64), 1)
 
 

@@ -125,7 +125,6 @@ def lift_checks(params: Any, probe: Probe) -> Iterator[Check]:
 
 
 def gust_constants(params: Any, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
     gusts = turbulent_gusts.constants(turbulent_gusts.Params(timescale=params.timescale), 1.0, conditions)
     along = {"deviation": WIDEST, "intensity": strength * params.dose}
     return gusts | along | {"upward": 0.0, "wall_upward": 0.0}

@@ -100,7 +100,6 @@ def image_view(name: str, origin: str) -> "rrb.Spatial2DView":
 
 
 def curve_view(name: str, origin: str, *entries: str) -> "rrb.TimeSeriesView":
-    """Curves of some entries below an entity."""
     contents = [f"$origin/{entry}" for entry in entries]
     return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=rrb.Corner2D.LeftTop)
 

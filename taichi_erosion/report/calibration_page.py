@@ -136,7 +136,6 @@ def agreement_text(test: Mapping[str, Any], name: str, unit: str) -> str:
 
 
 def climb_table(calibration: Calibration) -> Cells:
-    """Path of steepest ascent, step by step."""
     document = calibration.document["climb"]
     paths, names = (list(document["rows"][0][key]) for key in ("settings", "responses"))
     rows = []

@@ -101,7 +101,6 @@ def measure_picture(document: Document) -> Picture | None:
 
 
 def run_pictures(document: Document, source: Path) -> Iterator[Picture]:
-    """Silhouettes and film, if their files exist."""
     for kind, description in (
         ("silhouettes", "Silhouettes from all azimuths with the fitted slopes."),
         ("film", "The run, seen from the side."),

@@ -33,7 +33,6 @@ def scene_schema() -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The schema as `write_schema` writes it."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
 
 

@@ -53,7 +53,6 @@ def material_row_of_all_pairs(setups: list[Setup], materials: Materials) -> list
 
 
 def upload_grain_tables(world: World, setups: list[Setup]) -> None:
-    """GrainTables, from which grains are released."""
     source, rows = world.source, world.grains.capacity
     grains = [s.grains for s in setups]
     bodies = [np.arange(len(s.grains.radius)) if s.clumps is None else s.clumps.body for s in setups]
@@ -106,7 +105,6 @@ def upload_cell_grids(world: World, setups: list[Setup], reaches: Floats) -> Non
 
 
 def upload_wall_primitives(walls: Walls, setups: list[Setup]) -> None:
-    """Primitives and surfaces, at rest."""
     tables = [s.primitives for s in setups]
     if not any(len(table.kind) for table in tables):
         return

@@ -158,7 +158,6 @@ def unit_at_end(text: str) -> tuple[str, str]:
 
 
 def is_surely_a_unit(text: str) -> bool:
-    """Whether words can only be a unit."""
     return text in words_of("evident") or UNIT_SIGN.search(text) is not None
 
 

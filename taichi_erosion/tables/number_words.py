@@ -1,6 +1,6 @@
 """Numbers with their units and scatter, counts, and tables as a person reads them; needs no other module."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import floor, isfinite, log10
 
 PURE = ("", "1", "-")
@@ -38,11 +38,6 @@ def toml_key(name: str) -> str:
 def count_noun(count: int, noun: str) -> str:
     """`1 row`, `17 rows`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def set_up_name(conditions: Iterable[float]) -> str:
-    """Name of a set-up that has no other than its conditions; digests of tables rest on it."""
-    return ", ".join(f"{value:g}" for value in conditions)
 
 
 def value_and_sd_text(value: float, sd: float, n: int) -> str:

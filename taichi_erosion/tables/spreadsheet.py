@@ -298,7 +298,6 @@ def filled_width(cells: Sequence[str]) -> int:
 
 
 def has_digit(cells: Iterable[str]) -> bool:
-    """Whether any cell holds a digit."""
     return any(sign.isdigit() for cell in cells for sign in cell)
 
 

@@ -94,7 +94,6 @@ class Kind:
 
     @property
     def emulator_errors(self) -> Floats:
-        """Errors of the emulator (n, q)."""
         at = self.fits[0]
         setting = self.race.model.numbers_and_strengths(at.hypothesis.names, at.v)
         return self.race.prepared.predictor.error_factor(*setting, at.row_doses_of)

@@ -29,7 +29,6 @@ FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 
 
 def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:
-    """Whether the verdict on physics waits."""
     return any(fault.blocks for fault in faults)
 
 

@@ -89,7 +89,6 @@ class ComparisonRows:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Observable of every row by its name."""
         return tuple(self.observables[index].name for index in self.which)
 
     def observable_indices(self, names: Sequence[str]) -> Integers:

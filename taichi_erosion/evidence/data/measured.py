@@ -43,7 +43,7 @@ from taichi_erosion.scene.schema.units import (
 )
 from taichi_erosion.tables.cell_numbers import DATE, days_since_first
 from taichi_erosion.tables.headings import KINDS, SCATTER, meaning_of, meaning_of_symbol, read_heading
-from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
+from taichi_erosion.tables.number_words import plain, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, apply_number_laws, read_table_cells
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
@@ -252,12 +252,13 @@ def study_measurements(
     limits = [censoring_limit(r, factor, file.observables[r.observable], table.file) for r, factor in pairs]
     settings = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
     used = [{name: scale.to_use(at[name]) for name, scale in scales.items()} for at in settings]
+    names = [", ".join(f"{value:g}" for value in at.values()) for at in used]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
         value=factors * np.array([nan if row.censored else row.value for row in rows]),
         sd=factors * np.array([row.sd for row in rows]),
         n=np.array([nan if row.n is None else float(row.n) for row in rows]),
-        group=tuple(r.group or set_up_name(at.values()) or "all" for r, at in zip(rows, used, strict=True)),
+        group=tuple(r.group or name or "all" for r, name in zip(rows, names, strict=True)),
         unit=tuple(units[row.observable] for row in rows),
         conditions={column: np.array([at[column] for at in used]) for column in file.conditions},
         censored=np.array([row.censored for row in rows], dtype=np.bool_),

@@ -50,7 +50,6 @@ class FreshRuns:
 
     @property
     def row_means(self) -> Floats:
-        """Mean over the seeds (n,)."""
         return mean_over_finite_seeds(self.values)
 
     def merge_fresh_runs(self, other: "FreshRuns", rows: Integers) -> "FreshRuns":

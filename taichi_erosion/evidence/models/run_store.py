@@ -43,11 +43,6 @@ class RunStore:
             values |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
         return values
 
-    def store_run(self, key: bytes, values: Floats) -> None:
-        self.pending[key] = values
-        if monotonic() - self.commit_time > COMMIT_INTERVAL:
-            self.commit_runs()
-
     def commit_runs(self) -> None:
         if self.pending:
             rows = [(key, np.asarray(values, dtype="<f8").tobytes()) for key, values in self.pending.items()]
@@ -57,7 +52,6 @@ class RunStore:
         self.commit_time = monotonic()
 
     def connect(self) -> Database:
-        """The database, opened at first need."""
         if self.database is None:
             self.database = open_database(self.file, "store of runs", TABLE)
         return self.database
@@ -126,7 +120,9 @@ class FunctionModel:
             new = self.function(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
             for k, values in zip(missing, np.asarray(new, dtype=np.float64), strict=True):
                 stored[keys[k]] = values
-                self.store.store_run(keys[k], values)
+                self.store.pending[keys[k]] = values
+            if monotonic() - self.store.commit_time > COMMIT_INTERVAL:
+                self.store.commit_runs()
         return np.array([stored[key] for key in keys])
 
 

@@ -71,7 +71,6 @@ class Simulator:
         parameters: Mapping[str, float],
         effects: Mapping[str, float],
     ) -> tuple[str, ...]:
-        """PATH=VALUE overrides of one run."""
         acting = {n: psi for n, psi in effects.items() if psi != 0.0 and self.can_act(n, measure.scene, at)}
         present = {*acting, *self.effects_acting_in_scene(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
@@ -126,7 +125,6 @@ class Simulator:
         return conditions
 
     def shared_ledger(self) -> Ledger:
-        """The ledger, opened at first need."""
         if self.ledger is None:
             self.ledger = open_ledger(self.folder)
         return self.ledger
@@ -161,7 +159,6 @@ def dotted_paths(name: str) -> list[str]:
 
 
 def row_at(conditions: Conditions, row: int) -> Numbers:
-    """Conditions of one row by dotted path."""
     return {path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)}
 
 

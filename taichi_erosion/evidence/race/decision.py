@@ -49,7 +49,6 @@ class Decision(DecisionPart):
 
     @property
     def decision_record(self) -> DecisionPart:
-        """What an answer keeps of it."""
         return DecisionPart(**{entry.name: getattr(self, entry.name) for entry in fields(DecisionPart)})
 
     @property

@@ -114,7 +114,6 @@ class Fit(Expansion):
 
     @property
     def setting_covariance(self) -> Floats:
-        """Covariance (d, d) of numbers and strengths."""
         return self.evidence.solution.inverse[: self.v.size, : self.v.size]
 
     @property

@@ -57,7 +57,10 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
     place = joint_rows(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
     rivals = [rival_at_rows(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
-    design = best_design(clip_to_least_values(rivals, least_values(race.prepared.rows)[rows.which]), cost)
+    fitted = race.prepared.rows
+    least = [np.min(fitted.z[fitted.which == k]) for k in range(len(fitted.observables))]
+    amount = np.array([each.transform == "log_floor" for each in fitted.observables])
+    design = best_design(clip_to_least_values(rivals, np.where(amount, least, -np.inf)[rows.which]), cost)
     return tuple(experiment_record(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
 
@@ -95,13 +98,6 @@ def rival_at_rows(place: JointRows, fit: Fit, weight: float, repeats: int) -> Ri
     scatter = place.scatter_ratio(other.solution) ** 2
     covariance = other.conditional_covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, other.mean(), covariance)
-
-
-def least_values(rows: ComparisonRows) -> Floats:
-    """Least measured value of each observable that may be none, on the comparison scale; -inf of others."""
-    least = [np.min(rows.z[rows.which == k]) for k in range(len(rows.observables))]
-    amounts = [each.transform == "log_floor" for each in rows.observables]
-    return np.where(amounts, least, -np.inf)
 
 
 def clip_to_least_values(rivals: Sequence[Rival], least: Floats) -> list[Rival]:

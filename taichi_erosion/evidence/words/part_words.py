@@ -259,7 +259,6 @@ def answer_probability(decision: parts.DecisionPart, other: parts.DecisionPart) 
 
 
 def headline_text(record: Record, voc: say.Vocabulary) -> str:
-    """The answer of `discover` in one sentence."""
     firm, either = ([cause_text(name, record, voc) for name in names] for names in sure_and_group(record))
     chance = say.probability_text(record.unlisted)
     if firm or either:

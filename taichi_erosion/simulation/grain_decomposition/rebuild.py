@@ -139,7 +139,6 @@ def drop_removed(world_out: ti.template(), coupling: ti.template(), buffers: ti.
 
 @ti.func
 def count_in_chunk(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
-    """Grains in the cells of one chunk."""
     size, total = buffers_out.cell_chunk[r], 0
     first = first_cell_place(world.cells, r) + 2
     for c in range(k * size, ti.min((k + 1) * size, buffers_out.cells[r])):
@@ -184,7 +183,6 @@ def sort_one_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti
 
 @ti.func
 def copy_to_place(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
-    """Copy a grain to the other side."""
     if is_rebuilding_grain(world_out, r, rank):
         copy_grain_to_rank(world_out, r, rank)
 

@@ -218,6 +218,8 @@ def column_from(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]])
 
 def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
+    stating = ((c, row[c.place]) for c in columns if c.role in ("sd", "se", "cv") for _, row in cells.lines)
+    places_of_scatter = {c.of for c, cell in stating if number_or_nan(cell, cells.decimal_comma) > 0.0}
     for text, scatter in told.sd.items():
         places = {place for group in find_column_and_siblings(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
@@ -225,7 +227,7 @@ def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults:
         where, wrong = f"{cells.file}: --sd {text}={scatter}", ""
         if not matches:
             wrong = "names no column of a measured quantity"
-        elif any(states_scatter(cells, each) and each.of in (matches[0].place, -1) for each in columns):
+        elif places_of_scatter & {matches[0].place, -1}:
             wrong = "a column of the table states it; leave it out"
         faults.extend([f"{where}: {wrong}"] if wrong else [])
         for column in () if wrong else matches:
@@ -235,12 +237,6 @@ def set_user_sd(columns: list[Column], cells: Cells, told: TableOptions, faults:
                 raise BadInput(f"{where}: must be above 0")
             columns[columns.index(column)] = replace(column, **{"cv" if share else "sd": value})
     return columns
-
-
-def states_scatter(cells: Cells, column: Column) -> bool:
-    """Whether a column states a scatter above 0 in any row."""
-    numbers = (number_or_nan(row[column.place], cells.decimal_comma) for _, row in cells.lines)
-    return column.role in ("sd", "se", "cv") and any(number > 0.0 for number in numbers)
 
 
 def condition_name_of_path(place: str) -> str:

@@ -77,7 +77,6 @@ class Faults(list[str]):
             return None
 
     def raise_if_any(self) -> None:
-        """Raise BadInput where there is a fault."""
         if self:
             raise BadInput(*dict.fromkeys(self))
 
