@@ -19,7 +19,6 @@ def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
 
 @cache
 def functions(tree: ast.AST) -> tuple[ast.FunctionDef, ...]:
-    """Functions of a tree, however deep."""
     return tuple(node for node in nodes(tree) if isinstance(node, ast.FunctionDef))
 
 

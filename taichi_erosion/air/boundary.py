@@ -81,7 +81,6 @@ def fill_velocity_ghosts_across(air_out: ti.template(), across: ti.template(), r
 
 @ti.func
 def fill_velocity_ghosts_z(air_out: ti.template(), r, i, j):
-    """Velocities on floor and lid."""
     n = air_out.cells[2]
     low, high = ti.static((air_out.kinds["z_low"], air_out.kinds["z_high"]))
     for axis in ti.static(range(2)):

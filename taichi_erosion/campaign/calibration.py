@@ -165,7 +165,6 @@ def write_design(calibration: Calibration, name: str, design: Design) -> Path:
 
 
 def design_rows_document(design: Design) -> Document:
-    """Settings and responses row by row."""
     columns = {name: column.tolist() for name, column in design.responses.items()}
     responses = ({name: column[row] for name, column in columns.items()} for row in range(len(design)))
     return {"rows": [{"settings": design.settings(k), "responses": row} for k, row in enumerate(responses)]}

@@ -24,7 +24,6 @@ class Params:
 
 
 def read(params: Params, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
     if "threshold" not in observable:
         return value
     power = 2.0 if observable.endswith("stress") else 1.0

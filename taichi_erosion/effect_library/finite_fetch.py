@@ -32,7 +32,6 @@ class Params:
 
 
 def read(params: Params, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
     if READ not in observable or strength == 0.0:
         return value
     diameter = conditions.get("diameter", conditions.get("grain_diameter", params.diameter))

@@ -25,7 +25,6 @@ class Params:
 
 
 def read(params: Params, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
     factor = 1.0 + strength * (params.ratio - 1.0)
     if "threshold" in observable:
         return value * (factor * factor if observable.endswith("stress") else factor)

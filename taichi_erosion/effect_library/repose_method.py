@@ -24,7 +24,6 @@ class Params:
 
 
 def read(params: Params, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
     return value * (1.0 + strength * (params.ratio - 1.0)) if observable in ANGLES else value
 
 

@@ -29,7 +29,6 @@ class Params:
 
 
 def read(params: Params, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
     if READ not in observable:
         return value
     size = conditions.get("diameter", params.diameter) / params.diameter

@@ -69,7 +69,6 @@ class EffectPart:
 
     @property
     def strength_range(self) -> Interval:
-        """Strength where it acts."""
         return Interval(self.strength, self.strength_low, self.strength_high)
 
 
@@ -178,7 +177,6 @@ class LawPart:
 
     @property
     def powers(self) -> dict[str, Interval]:
-        """Exponents with their intervals."""
         return {name: Interval(x, self.low[name], self.high[name]) for name, x in self.exponents.items()}
 
 
@@ -241,19 +239,16 @@ class HeldOutPart:
     @computed_field
     @property
     def chi2_before(self) -> Number:
-        """Total of all rows."""
         return self.n * self.chi2_per_row_before
 
     @computed_field
     @property
     def chi2_after(self) -> Number:
-        """Total of all rows."""
         return self.n * self.chi2_per_row_after
 
     @computed_field
     @property
     def chi2_wrong_effect(self) -> Number:
-        """Total of all rows."""
         return self.n * self.chi2_per_row_wrong_effect
 
 

@@ -132,7 +132,6 @@ def apply_instruments(
 
 
 def replica_record(ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
-    """Entry of `replicas` for one replica."""
     state, sim = ensemble.states[replica], ensemble.sim
     step = int(sim.world.replicas.step[replica])
     return {

@@ -377,7 +377,6 @@ def saved_state(session: Session, name: str) -> Kept:
 
 
 def session_status(session: Session) -> dict[str, float | int | str]:
-    """Time, stage and totals over the grains."""
     sums = simulation.energy_totals(session.sim, 0)
     return {
         "time_s": round(session.time, 9),

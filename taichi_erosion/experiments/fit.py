@@ -179,7 +179,6 @@ def coefficient_table(fit: Fit) -> pd.DataFrame:
 
 
 def coded_polynomial(fit: Fit) -> Polynomial:
-    """Coefficients in coded units."""
     constant = (0,) * len(fit.factors)
     return dict(zip((constant, *fit.terms), map(float, fit.coefficients), strict=True))
 

@@ -271,7 +271,6 @@ def servo_sum_place(walls: ti.template(), replicas: ti.template(), p, s):
 
 @ti.func
 def rodrigues_matrix(vector):
-    """Rotation matrix of a rotation vector (Rodrigues)."""
     angle = vector.norm()
     axis = vector / ti.max(angle, LENGTH_LEAST)
     cross = ti.Matrix([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])

@@ -119,7 +119,6 @@ def onset_form(name: str, column: Floats) -> Form:
 
 
 def saturating_form(name: str, column: Floats) -> Form:
-    """Growth to a limit."""
     scale, most = median_nonzero_size(column), float(column.max())
 
     def shape(at: Conditions, n: Floats) -> Floats:

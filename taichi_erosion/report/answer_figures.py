@@ -167,7 +167,6 @@ def draw_interval(frame: Axes, at: float, size: Interval, colour: str) -> None:
 
 
 def posterior_picture(record: Record) -> Picture:
-    """Bars of the probabilities of explanations."""
     bars = list(page_words.explanations_by_probability(record))
 
     def draw(width: float) -> Figure:

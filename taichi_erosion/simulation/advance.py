@@ -103,7 +103,6 @@ def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:
 
 
 def largest_team(sim: Simulation) -> int:
-    """Workers that can share one replica."""
     return max(min(sim.workers // len(sim.setups), sim.capacities.partitions), 1)
 
 

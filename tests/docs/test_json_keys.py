@@ -46,7 +46,6 @@ class Entry:
 
 
 def entries(text: str) -> dict[str, Entry]:
-    """Keys of one section."""
     found = {}
     for line in LINE.finditer(text):
         named = re.match(r"\*(?P<name>[^*]+)\*", line["told"])

@@ -17,7 +17,6 @@ def unit_factors(names: str) -> list[Factor]:
 
 
 def rows_of(fit: Fit) -> dict[str, Row]:
-    """Analysis of variance by source."""
     return {row.source: row for row in anova(fit)}
 
 

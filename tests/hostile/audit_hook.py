@@ -41,7 +41,6 @@ WATCHES: list[Watch] = []  # the one that is awake, if any; the hook has no othe
 
 
 def note(event: str, arguments: tuple[Any, ...]) -> None:
-    """Audit hook."""
     if not WATCHES:
         return
     watch = WATCHES[-1]
@@ -81,5 +80,4 @@ def watched(folder: Path) -> Iterator[Watch]:
 
 
 def interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End what takes too long."""
     raise Hang

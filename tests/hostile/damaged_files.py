@@ -28,7 +28,6 @@ CELLS = st.text(max_size=6) | NUMBERS | st.sampled_from(["", "<1", "NaN", '"'])
 
 
 def shipped(pattern: str) -> dict[str, bytes]:
-    """Files of the project by their path."""
     return {str(path.relative_to(ROOT)): path.read_bytes() for path in sorted(ROOT.glob(pattern))}
 
 
@@ -75,7 +74,6 @@ def damaged(content: bytes, damages: list[tuple[str, float, object]]) -> bytes:
 
 
 def struck(content: bytes, kind: str, place: int, what: object) -> bytes:
-    """The file after one blow."""
     if kind == "end":
         return content[:place]
     if isinstance(what, float):

@@ -60,7 +60,6 @@ def totals(frame: int) -> Totals:
 
 
 def header(kind: str = "repose") -> RunHeader:
-    """Header of the little heap."""
     return RunHeader("Little heap", kind, 'kind = "repose"', heap_snapshot().radius, (FLOOR,))
 
 

@@ -17,7 +17,6 @@ RADIUS = 5e-3  # m
 
 
 def spheres(*centres: tuple[float, float, float], walls: tuple[WallMesh, ...] = ()) -> np.ndarray:
-    """Picture of equal spheres."""
     places = np.array(centres).reshape(-1, 3)
     image = pictures.render_side(places, np.full(len(places), RADIUS), WINDOW, walls=walls)
     return np.asarray(image).astype(int)

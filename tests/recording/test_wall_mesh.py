@@ -8,7 +8,6 @@ from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, triangulate, 
 
 
 def mesh(kind: PrimitiveKind, *numbers: float) -> WallMesh:
-    """One primitive as a wall."""
     shape = np.zeros(10)
     shape[: len(numbers)] = numbers
     return WallMesh("wall", *triangulate(kind, shape, ((-0.1, -0.2, 0.0), (0.3, 0.2, 0.5))), moving=False)

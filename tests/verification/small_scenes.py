@@ -197,7 +197,6 @@ def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosi
 
 
 def air_of(setups: Sequence[AirSetup], threads: int = 0) -> Air:
-    """The boxes of air on the CPU."""
     start_device(Numerics(threads=threads))
     return allocate_air(setups)
 
@@ -208,7 +207,6 @@ def centres(faces: Floats) -> Floats:
 
 
 def simulation_of(setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ) -> Simulation:
-    """The scenes on the CPU."""
     return assemble(setups, laws, Numerics(precision=precision))
 
 

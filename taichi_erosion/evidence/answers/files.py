@@ -49,7 +49,6 @@ class Reply:
 
     @property
     def document(self) -> Document:
-        """What `--json` prints."""
         hidden = set() if self.command == "predict" else STORED
         return self.about | record_type(self.command).dump_python(self.record, mode="json", exclude=hidden)
 

@@ -88,7 +88,6 @@ class Template:
 
 
 def friction_numbers(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
-    """Friction between grains, which laboratories seldom measure."""
     numbers = [CalibratedNumber(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
         path = f"contact.{pair}.friction_rolling"

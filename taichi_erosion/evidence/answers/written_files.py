@@ -115,6 +115,7 @@ def write_study_files(files: StudyFiles, anew: bool) -> Document:
             text = read_text_of_file(files.study_path, str(files.study_path))
             text = with_entry(text, ("study", "made_from_digest"), files.digest, READ)
             write_atomic(files.study_path, text.encode())
+            add_candidates_of_new_rows(files, before)
         study = load_study(files.study_path)
         refuse_unknown_scatter(study)
         write_tidy_table(files, vault_draw_of_rows(study, files.rows))
@@ -122,22 +123,37 @@ def write_study_files(files: StudyFiles, anew: bool) -> Document:
     return {"written": list(map(str, paths)), **document, **changes}
 
 
+def add_candidates_of_new_rows(files: StudyFiles, before: Study) -> None:
+    """Add effects of the closed form that new rows can show, where all that old rows show are candidates."""
+    listed, study = before.problem.candidate_names, load_study(files.study_path)
+    acting = varying_formula_effects(study) if files.content.model else []
+    new = [name for name in acting if name not in listed]
+    if new and {*listed} == {*varying_formula_effects(before)}:
+        text = read_text_of_file(files.study_path, str(files.study_path))
+        text = with_entry(text, ("candidates", "effects"), [*listed, *new])
+        for name in reduced.LARGEST.keys() & {*new}:
+            text = with_entry(text, ("candidates", name, "max"), reduced.LARGEST[name])
+        write_atomic(files.study_path, text.encode())
+
+
 def carry_over_vault(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
     """What rows became when those of the earlier table of a study were drawn for the vault; what changed.
 
-    A row is known by its set-up, else by its place in a table of equal length.
+    A row is known by its set-up, else by its value, else by its place in a table of equal length.
     """
-    free, places = defaultdict[Any, list[int]](list), list[int | None]()
-    keys = (  # equal also where a condition is not known
-        [(row.observable, row.group, *map(str, row.conditions)) for row in table.rows]
-        for table in (before, after)
-    )
-    for place, key in enumerate(next(keys)):
-        free[key].append(place)
-    for key in next(keys):
-        places.append(free[key].pop(0) if free[key] else None)
+    places: list[int | None] = [None] * len(after.rows)
+    unmatched = set(range(len(before.rows)))
+    for name in ("group", "value"):
+        free, keys = defaultdict[Any, list[int]](list), list[list[Any]]()
+        for rows in (before.rows, after.rows):  # equal also where a condition is not known
+            keys.append([(row.observable, getattr(row, name), *map(str, row.conditions)) for row in rows])
+        for place in sorted(unmatched):
+            free[keys[0][place]].append(place)
+        for k, key in enumerate(keys[1]):
+            if places[k] is None and free[key]:
+                places[k] = free[key].pop(0)
+        unmatched -= {*places}
     if len(before.rows) == len(after.rows):
-        unmatched = {place for numbers in free.values() for place in numbers}
         places = [k if place is None and k in unmatched else place for k, place in enumerate(places)]
     extras = ("vault", "source")  # what the vault makes of a row, and its place in the file
     tables = map(tidy_table_cells, (before, after))

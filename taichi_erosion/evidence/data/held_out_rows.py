@@ -67,7 +67,7 @@ def draw_vault(
     named = "".join(f", and {name} from {span}" for name, span in spans.items())
     named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
-        named += "; rows of an earlier version stay held out or fitted, new ones are fitted"
+        named += "; earlier rows stay what they were, new ones are fitted but under held-out conditions"
     return np.flatnonzero(hidden), split_sentence(len(pool), by_group, named, int(hidden.sum()), len(units))
 
 

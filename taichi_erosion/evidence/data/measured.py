@@ -123,7 +123,9 @@ def dates_as_days(cells: Cells, interview: Interview) -> Cells:
         if heading.unit or meaning_of(heading.name)[0] in KINDS.values():
             continue
         days = days_since_first(column[1:])
-        several = bool(days) and not has_scatter and varies_among_repeats(column, columns)
+        several = (
+            bool(days) and not has_scatter and varies_among_repeats([column[0], *map(str, days)], columns)
+        )
         if max(days, default=0) and not several:
             interview.assume(f"column '{column[0]}' counts days since its first date")
             column[:] = f"{DAY} (d)", *map(str, days)

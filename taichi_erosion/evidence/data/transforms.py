@@ -26,7 +26,6 @@ def to_scale(observable: Observable, value: Floats) -> Floats:
 
 
 def from_scale(observable: Observable, scaled: Floats) -> Floats:
-    """Values in the observable's own unit."""
     if observable.transform == "identity":
         return np.asarray(scaled, dtype=float)
     raised = np.exp(np.clip(scaled, -700.0, 700.0))

@@ -133,7 +133,6 @@ class GaussianProcess:
 
     @property
     def scatter(self) -> float:
-        """Standard deviation of one run."""
         return float(self.width * self.amplitude[-1])
 
     def prior_covariance(self, one: Points, other: Points) -> Floats:

@@ -103,7 +103,6 @@ def check_model_result(result: object, shape: tuple[int, int], axes: str, where:
 
 
 def load_plugin(name: str, folder: Path, file: str) -> Plugin:
-    """Model that a study names; raises BadInput."""
     module_name, _, function_name = name.partition(":")
     where = f"{file}: study.model = '{name}'"
     module = load_model_module(module_name, folder, file, where)

@@ -149,7 +149,6 @@ def prepare_problem(problem: Problem, table: Measurements, seed: int) -> Prepare
 
 
 def random_seeds(generator: np.random.Generator, count: int) -> Integers:
-    """Fresh seeds that any generator accepts."""
     return generator.integers(1, 2**31 - 1, size=count).astype(np.int64)
 
 

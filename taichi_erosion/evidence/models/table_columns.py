@@ -23,7 +23,7 @@ from taichi_erosion.scene.load import read_toml
 from taichi_erosion.scene.paths import unit_at_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, range_at
 from taichi_erosion.scene.schema.units import Scale, conversion_factor, parse_scale
-from taichi_erosion.tables.cell_numbers import is_missing
+from taichi_erosion.tables.cell_numbers import DATE, is_missing
 from taichi_erosion.tables.spreadsheet import Cells, read_table_cells
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
@@ -107,8 +107,9 @@ def impossible_study_values(table: Table, file: StudyFile, folder: Path) -> Iter
         factor = 1.0 if scenes or not allowed else parse_scale(allowed.unit).factor  # a function counts in SI
         for end in file.laboratory.ranges.get(name, ()):
             if allowed and not allowed.is_possible(end / factor):
+                counts = f"{end:g}" + f" in SI, {end / factor:.4g} {allowed.unit}," * (factor != 1.0)
                 span = f"[{allowed.low:g}, {allowed.high:g}] {allowed.unit}"
-                yield f"laboratory.ranges.{name}: {end:g} is outside {span}" + ", in SI" * (factor != 1.0)
+                yield f"laboratory.ranges.{name}: {counts} is outside {span}"
     for name, entry in file.observables.items():
         yield from value_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
@@ -207,6 +208,9 @@ def condition_rows(cells: Cells, columns: Mapping[str, Column], faults: Faults) 
 
 def only_value_of_condition(cells: Cells, name: str, measurements: Measurements) -> float:
     """The study's only value of a condition that the table leaves out, or its last day; raises BadInput."""
+    if name == DAY and any(DATE.fullmatch(cell) for _, row in cells.lines for cell in row):
+        words = f"write '{DAY}', the days since the first date of the study, or leave it out for its last day"
+        raise BadInput(f"{cells.file}: a column of dates sets nothing here: {words}")
     column = measurements.conditions[name]
     values = np.unique(column[np.isfinite(column)])
     if values.size > 1 and name != DAY:

@@ -100,7 +100,6 @@ class RaceModel:
         return mean_over_finite_seeds(self.predictor.predict_on_scale(x, acting, seeds))
 
     def spend_one_setting(self) -> None:
-        """Count one setting. Raises BudgetSpentError."""
         if self.settings >= self.most_settings:
             raise BudgetSpentError(f"the {self.most_settings:g} settings of an answer are used up")
         self.settings += 1

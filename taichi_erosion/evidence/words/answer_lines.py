@@ -220,7 +220,6 @@ def error_table(record: Record, vault: records.HeldOutPart) -> Table:
 
 
 def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
-    """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
         sets = {frozenset(key.split("+")): p for key, p in record.probabilities.items()}
@@ -231,7 +230,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
             words = f"The rows do not agree with the likeliest explanation (probability {chance})."
         elif share < SURE:
             words = "No measurement in the present ranges separates the explanations."
-        words += other_ranges_text(record, voc)
+        words += other_ranges_text(record, voc) * (share < SURE)
         if not part_words.can_test_any_effect(record):
             words = "No measurement is proposed before the errors above are fixed."
         return trim_answer(Answer((words,), (), (), None), record)

@@ -331,7 +331,6 @@ def law_line(record: Record) -> str:
 
 
 def no_name_sentence(record: Record, voc: say.Vocabulary) -> str:
-    """The answer where nothing is named."""
     if record.verdict == "unstable":
         names = say.join_words(map(voc.effect_title, (*record.named, *record.group)), "or")
         change = TESTED.get(record.fresh_runs.outcome if record.fresh_runs else "", "change the answer")

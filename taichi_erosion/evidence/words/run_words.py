@@ -136,7 +136,6 @@ def cost_and_origin_text(document: Document) -> str:
 
 
 def step_texts(document: Document) -> Iterator[str]:
-    """What can be done with a run."""
     if recording := document.get("recording"):
         view, page = shell_command("view", recording), shell_command("report", recording)
         yield f"{view} shows the run, {page} makes a page of it."

@@ -38,7 +38,6 @@ def study_text(model: str = SOUND) -> str:
 
 
 def rows(count: int, sd: bool = True, below: str = "") -> str:
-    """Angles and thresholds that grow with moisture."""
     found = [
         f"{name},{below}{start + step * k:.4g},{error if sd else ''},5,{unit},g{k},{0.002 * k},0.25,x"
         for name, start, step, error, unit in (

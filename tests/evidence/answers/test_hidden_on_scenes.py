@@ -45,7 +45,6 @@ def study_of(tmp_path_factory) -> Callable[[str], Path]:
 
 
 def truth_of(study: Path) -> float:
-    """Strength that acts."""
     sealed = (study.parent / "sealed" / "truth.json").read_text("utf-8")
     assert sha256(sealed.encode()).hexdigest() == (study.parent / "truth.sha256").read_text("utf-8")
     return json.loads(sealed)["strengths"][study.stem]

@@ -41,7 +41,6 @@ def changed(old: str, new: str) -> bytes:
 
 
 def made(folder: Path, text: str, wishes: NewStudyOptions, answer=guess) -> tuple[dict, Study]:
-    """Document and study of a table."""
     (folder / "t.csv").write_text(text, encoding="utf-8")
     document = write_new_study(folder / "t.csv", wishes, answer)
     return document, load_study(Path(document["written"][0]))

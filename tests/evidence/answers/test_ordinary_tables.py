@@ -235,6 +235,9 @@ def test_no_day_that_has_passed_is_proposed_and_predictions_are_for_the_last_one
     assert not any("day" in each.conditions for each in proposed)
     (tmp_path / "at.csv").write_text("d (mm),moisture (%)\n0.4,1\n", "utf-8")
     predict_study(path, tmp_path / "at.csv", no_progress)
+    (tmp_path / "at.csv").write_text("date,d (mm),moisture (%)\n9.5.2024,0.4,1\n", "utf-8")
+    with pytest.raises(BadInput, match="a column of dates sets nothing here"):
+        predict_study(path, tmp_path / "at.csv", no_progress)
     path.write_text(f"{path.read_text('utf-8')}[laboratory]\nranges = {{ diameter = [0.1, 2.0] }}\n", "utf-8")
     with pytest.raises(BadInput, match=r"laboratory.ranges.diameter: 0.1 is outside \[.*\] m"):
         load_study(path)

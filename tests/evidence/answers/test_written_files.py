@@ -87,6 +87,17 @@ def test_rows_that_are_added_leave_the_others_what_they_were(folder):
     assert held_out(folder) == before, "what is measured later, on request, is fitted"
 
 
+def test_rows_that_show_more_effects_add_candidates_and_a_column_of_samples_moves_none(tmp_path):
+    study, head = tmp_path / "sand" / "sand.toml", HEAD.partition(";")[2]
+    again(tmp_path, LINES[:4])
+    assert "dry_cohesion" not in load_study(study).problem.candidate_names
+    again(tmp_path, [each.partition(";")[2] for each in LINES], head)
+    assert "dry_cohesion" in load_study(study).problem.candidate_names
+    before = held_out(tmp_path)
+    again(tmp_path, [*LINES, line("T", 300, 1)])
+    assert held_out(tmp_path) == before
+
+
 def test_the_count_of_openings_goes_on(folder, capsys):
     study = folder / "sand" / "sand.toml"
     problem = load_study(study)

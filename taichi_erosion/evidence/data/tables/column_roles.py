@@ -318,7 +318,6 @@ class Interview:
         return self.choice(f"{question} (yes or no)", "yes", meaning)[0] in AGREED
 
     def assume(self, *meanings: str) -> None:
-        """Record what was assumed without a question."""
         new = [each for each in dict.fromkeys(meanings) if each and each not in self.assumptions]
         self.assumptions.extend(new)
 
