@@ -168,8 +168,6 @@ REACH = 3.0  # times the largest strength of the list, up to which one beyond it
 
 @dataclass(frozen=True)
 class Laboratory:
-    """What could be measured next."""
-
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of conditions; else as measured
     costs: Mapping[str, float] = field(default_factory=dict)  # of one measurement, by observable; else 1
     repeats: int = 3  # of one measurement

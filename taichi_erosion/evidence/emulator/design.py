@@ -62,8 +62,6 @@ class StudyScene:
 
 @dataclass(frozen=True)
 class Setting:
-    """Calibrated numbers and strengths of one explanation."""
-
     parameters: Mapping[str, float]
     effects: Mapping[str, float]  # strengths of effects, and the largest dose of a mechanism; 0: none
     doses: Sequence[tuple[Row, Numbers]] = ()  # of mechanisms under sets of conditions that are stated

@@ -68,8 +68,6 @@ IMPOSSIBLE = 1e10  # negative ln probability of correlations that make no covari
 
 @dataclass(frozen=True)
 class Points:
-    """Inputs of training runs or of predictions."""
-
     x: Floats  # (n, p), calibrated numbers in prior sd
     c: Floats  # (n, q), standardised conditions
     psi: Floats  # (n, effects), places of strengths; 0 where an effect cannot act

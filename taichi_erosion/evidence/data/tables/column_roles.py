@@ -344,8 +344,6 @@ def can_be_of_any_size(allowed: PhysicalRange) -> bool:
 
 @dataclass(frozen=True)
 class Reading:
-    """A table that is being understood."""
-
     cells: Cells
     options: TableOptions
     interview: Interview
