@@ -82,7 +82,6 @@ def tree(tmp_path):
 
 @pytest.fixture
 def used(tree):
-    """A tree whose environment was made."""
     tree.call("run")
     assert tree.installations() == ["venv", "pip"]
     return tree

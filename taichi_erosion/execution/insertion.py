@@ -33,12 +33,12 @@ def insert_grains(session: Session, count: int, at: Sequence[float], inlet: str)
     new = replica_setup(scene.model_copy(update=sample | fill), session.seed + len(setup.grains.mass)).grains
     if at:
         refuse_place_outside(session, new)
-    begun = len(setup.grains.mass) - simulation.count_waiting_spheres(session.sim, 0)
-    refuse_place_of_grains(session, new, begun)
+    release_count = len(setup.grains.mass) - simulation.count_waiting_spheres(session.sim, 0)
+    refuse_place_of_grains(session, new, release_count)
     keep_state_if_due(session, is_due=True)
     lay_bed_of_search(session)
     state, place = simulation.export_state(session.sim), f" through {inlet}" if inlet else ""
-    grains = append_grains_by_release(setup.grains, begun, new)
+    grains = append_grains_by_release(setup.grains, release_count, new)
     place = f" at {' '.join(repr(float(x)) for x in at)}" if at else place
     sim = build_ensemble(session.scene, session.seed, session.library, grains).sim
     replace_simulation(session, sim, state, f"insert {count}{place}")
@@ -59,13 +59,13 @@ def refuse_place_outside(session: Session, new: GrainTable) -> None:
             raise BadInput(f"insert: the wall '{name}' is there; name another place")
 
 
-def refuse_place_of_grains(session: Session, new: GrainTable, begun: int) -> None:
+def refuse_place_of_grains(session: Session, new: GrainTable, release_count: int) -> None:
     """Raise BadInput where the first grains would begin in one that is there, or soon comes there."""
     table, here, time = session.sim.setups[0].grains, simulation.snapshot(session.sim, 0), session.time
     gravity, largest = float(np.linalg.norm(session.sim.setups[0].gravity)), float(table.radius.max())
     clear = time + sqrt(4.0 * largest / gravity) if gravity else inf  # s, when the first have fallen clear
     soon, first = np.flatnonzero(table.release_time < clear), new.release_time <= time
-    soon = soon[soon >= begun]
+    soon = soon[soon >= release_count]
     places = np.concatenate([here.position, table.position[soon]])
     radii = np.concatenate([here.radius, table.radius[soon]])
     gaps = cdist(new.position[first], places) - new.radius[first][:, None] - radii

@@ -46,7 +46,6 @@ def at_the_beginning(request):
 
 
 def request(page: Page, what: str, body: str | None = None, owner="test", headers=(), token=None, **query):
-    """Status, content and headers of an answer."""
     path = f"/{token or page.token}/{what}?{urlencode({'owner': owner, **query})}"
     with closing(HTTPConnection("127.0.0.1", page.port)) as connection:
         connection.request("GET" if body is None else "POST", path, body, dict(headers))

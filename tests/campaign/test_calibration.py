@@ -55,7 +55,6 @@ def write_study(folder: Path, **sections) -> Path:
 
 
 def true_angle(settings: dict[str, float]) -> float:
-    """Answer without noise [deg]."""
     contact = {"soil-soil": {}, "soil-steel": {}}
     for path in MATTER:
         _, pair, name = path.split(".")

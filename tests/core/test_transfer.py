@@ -30,8 +30,6 @@ def some_fields() -> dict[str, Any]:
 
 @transfer.device_record
 class Cloud:
-    """Two fields and a number."""
-
     count: int
     position: Any
     charge: Any

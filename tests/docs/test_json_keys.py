@@ -38,8 +38,6 @@ _, *PARTS = SECTION.split(PAGE)
 
 @dataclass(frozen=True)
 class Entry:
-    """What the page says of a key."""
-
     ends: tuple[str, ...]  # ".*" and "[]", from outside in
     record: str  # of what it holds; empty for a number or a word
     nullable: bool
@@ -90,7 +88,6 @@ def checked(reply: Reply) -> dict[str, Any]:
 
 @pytest.fixture
 def studies(tmp_path: Path) -> Path:
-    """A copy of doe/ without results."""
     ignore = shutil.ignore_patterns("*-results", "__pycache__")
     return shutil.copytree(ROOT / "doe", tmp_path / "doe", ignore=ignore)
 

@@ -39,7 +39,6 @@ def tableless(probe: Probe) -> Iterator[Check]:
 
 
 def of_one(number: Any, name: str = "pull_off") -> type:
-    """A dataclass of one number."""
     return make_dataclass("Numbers", [(name, float, number)], frozen=True)
 
 

@@ -68,7 +68,6 @@ def lying(count: int = 1) -> Setup:
 
 
 def triangle() -> Setup:
-    """Three grains that touch, without weight."""
     place = [[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0], [1.0 * RADIUS, 1.732 * RADIUS, 0.0]]
     return setup(grains(place), NONE, law=contacts(0.5), gravity=(0.0, 0.0, 0.0))
 
@@ -97,12 +96,10 @@ def begun(sim: Simulation) -> Simulation:
 
 
 def go(sim: Simulation, time: float, *names: str) -> None:
-    """Advance these replicas to a time [s]."""
     simulation.advance(sim, [time if name in names else 0.0 for name in SETUPS])
 
 
 def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
-    """A number by row of the GrainTable."""
     bed = simulation.export_bed(sim, replica)
     return bed[f"effect_{name}"][np.argsort(bed["ident"])]
 

@@ -17,7 +17,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def scene(folder: Path) -> Path:
-    """Two replicas, seeds 3 and 4."""
     return write_scene(folder)
 
 

@@ -81,7 +81,6 @@ def test_an_interrupted_run_names_its_checkpoint_which_goes_on_with_its_own_seed
     run_ensemble = scene_run_module.run_ensemble
 
     def interrupt(now: EnsembleRun) -> None:
-        """Ctrl-C at the first check."""
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:

@@ -166,9 +166,8 @@ def test_grains_are_inserted_and_taken_out_and_the_others_keep_their_contacts(se
     live.run_for_seconds(session, 0.01)
     now, lines = snapshot(session.sim, 0), list(session.history)
     assert (set(range(63)) - set(now.ident), now.removed) == ({5, 61}, 2)
-    for (
-        command
-    ) in "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0;insert 100000000".split(";"):
+    commands = "remove 5;remove all;insert 1 through x;insert 1 here;insert 1 at 0 0;insert 100000000"
+    for command in commands.split(";"):
         with pytest.raises(BadInput, match=r"no sphere of its own|no inlet|10,000 spheres|usage"):
             prompt.execute_line(session, command)
     for count in (63, 60):

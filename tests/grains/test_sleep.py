@@ -30,7 +30,6 @@ def rough(seed: int, layers: int = 3) -> Setup:
 
 
 def drowsy(seed: int, layers: int = 3) -> Setup:
-    """A bed whose grains may sleep."""
     awake = rough(seed, layers)
     return replace(awake, coupling=replace(awake.coupling, sleep_exchanges=LOOKS, sleep_share=0.1))
 

@@ -67,7 +67,6 @@ blows = st.one_of(
 
 
 def damaged(content: bytes, damages: list[tuple[str, float, object]]) -> bytes:
-    """The file after some blows."""
     for kind, share, what in damages:
         content = struck(content, kind, int(share * len(content)), what)
     return content

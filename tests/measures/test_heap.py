@@ -16,7 +16,6 @@ EMPTY = snapshot_of(np.zeros((0, 3)))
 
 
 def grains(*centres):
-    """A snapshot from centres in diameters."""
     return snapshot_of(np.array(centres, dtype=float) * DIAMETER)
 
 

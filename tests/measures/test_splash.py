@@ -33,7 +33,6 @@ def state(moments: list[tuple[float, float, float]], time: float) -> tuple[float
 
 
 def frames(grains: list[list[tuple[float, float, float]]]) -> list[Snapshot]:
-    """Snapshots of grains whose throws are known."""
     series = []
     nought = np.zeros(len(grains))
     for time in np.arange(0.0, LENGTH, EVERY):

@@ -23,7 +23,6 @@ def spheres(*centres: tuple[float, float, float], walls: tuple[WallMesh, ...] = 
 
 
 def pixel(x: float, z: float) -> tuple[int, int]:
-    """Row and column of a point [m]."""
     column, row = np.rint(WINDOW.pixels(np.array([x, z]))).astype(int)
     return row, column
 

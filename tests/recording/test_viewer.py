@@ -19,7 +19,6 @@ MASK = np.tri(60, 120, dtype=bool)
 
 
 def record(path: Path, kind: str = "repose") -> Iterator[stream.Recording]:
-    """A recording that fills every view."""
     with recorded(path, header(kind)) as recording:
         for frame in range(10):
             stream.log_frame(recording, heap_snapshot(frame), MOVING)

@@ -14,7 +14,6 @@ def mesh(kind: PrimitiveKind, *numbers: float) -> WallMesh:
 
 
 def area(wall: WallMesh) -> float:
-    """Sum of the triangles' areas [m2]."""
     a, b, c = (wall.vertices[wall.triangles[:, corner]] for corner in range(3))
     return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 

@@ -107,7 +107,6 @@ effects.plain_pull = { strength = 1.0 }
 
 
 def good_table() -> dict[str, Any]:
-    """A small pour that uses every section."""
     table = tomllib.loads(GOOD)
     table["grains"]["size"] |= {"low": 1e-3, "high": 3e-3}
     table["geometry"]["funnel"] |= {"rim_radius": 0.04, "cone_height": 0.04}
@@ -135,7 +134,6 @@ def changed(path: str, value: Any) -> dict[str, Any]:
 
 
 def wrong_places() -> Iterator[tuple[str, Any]]:
-    """Path and value of every single mistake."""
     for path in NUMBERS:
         yield from ((path, value) for value in ("much", True, nan, inf, -inf, [1.0], {}, date(2026, 1, 1)))
     for path in NEEDED:

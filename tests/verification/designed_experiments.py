@@ -36,7 +36,6 @@ def factors(count: int) -> list[Factor]:
 
 
 def fitted(design: Design, values: Floats, order: fits.Order) -> fits.Fit:
-    """The model of one synthetic response."""
     return fits.fit_model(design.with_responses(y=values), "y", order)
 
 
@@ -61,7 +60,6 @@ def recovered_effects() -> Iterator[Outcome]:
 
 
 def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
-    """What must come back to rounding."""
     linear = fitted(screening, 20.0 + screening.coded @ SCREENED, "linear")
     yield below("Plackett-Burman: error of nine slopes", linear.coefficients[1:] - SCREENED, ROUNDING, "f64")
     kept = fits.model_matrix(screening.coded, fits.model_terms(9, "linear"))

@@ -202,7 +202,6 @@ def air_of(setups: Sequence[AirSetup], threads: int = 0) -> Air:
 
 
 def centres(faces: Floats) -> Floats:
-    """Middles between faces."""
     return 0.5 * (faces[1:] + faces[:-1])
 
 
@@ -229,7 +228,6 @@ def states(sim: Simulation) -> list[Snapshot]:
 
 
 def advance_all(sim: Simulation, time: float) -> None:
-    """Advance every replica to one time [s]."""
     advance(sim, [float(time)] * len(sim.setups))
 
 

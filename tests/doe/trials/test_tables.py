@@ -69,7 +69,6 @@ def test_what_is_misread_is_found():
 
 
 def answered(kind, effects, **told):
-    """A case with an answer."""
     truth = {"kind": kind, "effects": effects, "unknown_scatter": False, "may_refuse": [], "below": 0}
     truth |= {"soils": 1, "outside": None, "options": {"table": []}}
     answer = {"verdict": "none_detected", "agrees": False, "named": [], "group": [], "varying": []}

@@ -32,7 +32,6 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def study_of(tmp_path_factory) -> Callable[[str], Path]:
-    """Study whose table another process has made."""
 
     @cache
     def made(names: tuple[str, ...]) -> Path:

@@ -25,7 +25,6 @@ def rows(seed: int = 0, size: int = 14) -> LinearRows:
 
 
 def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:
-    """Covariance of the rows, written out."""
     tau = np.array([1.0, 1.0, *np.exp(u[[0, 1, 1, 1]])])
     kappa = np.append(np.exp(u[2:]), 1.0)[table.scatter]
     return (table.columns * tau**2) @ table.columns.T + np.diag(kappa**2 / table.weight)

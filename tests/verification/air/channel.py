@@ -103,7 +103,6 @@ INFLOW = {"x_low": AirSide("inlet", (1.0, 0.0, 0.0)), "x_high": AirSide("outlet"
 
 
 def fetch() -> AirSetup:
-    """Empty tunnel."""
     faces = air_setup.stretched_faces(0.0, FETCH_HEIGHT, FETCH_LAYERS, FETCH_LOWEST)
     profile = air_setup.log_profile(centres(faces), FRICTION, ROUGHNESS, KARMAN)
     slip = dict.fromkeys(("y_low", "y_high"), AirSide("symmetry"))
@@ -147,7 +146,6 @@ MORE = 2  # iterations that the finest grid may take more than the coarsest
 
 
 def gusty_box() -> AirSetup:
-    """Wind with gusts through a box."""
     walls = {"y_low": WALL, "y_high": WALL, "z_low": AirSide("rough", roughness=1e-4)}
     ends = {"x_low": AirSide("inlet", (SPEED, 0.0, 0.0)), "x_high": AirSide("outlet")}
     return box(

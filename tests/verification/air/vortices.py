@@ -100,7 +100,6 @@ ENERGY_STEPS, COURANT = 120, 0.8
 
 
 def vortices(cells: int, steps: int, viscosity: float, squeezed: float = 1.0) -> AirSetup:
-    """Vortices at t = 0."""
     even = equal_cell_faces(0.0, SIDE, cells)
     faces = even if squeezed == 1.0 else faces_fine_at_both_ends(0.0, SIDE, cells, squeezed * SIDE / cells)
     x = SIDE / cells * np.arange(2 * cells)

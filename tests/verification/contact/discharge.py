@@ -133,7 +133,6 @@ def opening_flow() -> Iterator[Outcome]:
 
 
 def settled(silos: Silos) -> Simulation:
-    """The silos with their fillings at rest."""
     widths = WIDTH * silos.openings
     stock = np.ceil(GRAINS_PER_CUBE * HEAD * widths * silos.area(widths) + silos.before + READ)
     rows = zip(stock, widths * DIAMETER, silos.openings * DIAMETER, strict=True)

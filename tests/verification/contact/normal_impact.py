@@ -25,8 +25,6 @@ CAST_IRON = Solid(1.0e11, 0.25, 7000.0)
 
 
 class Case(NamedTuple):
-    """A head-on impact and its closed form."""
-
     setup: Setup
     impact: small.HeadOn
 

@@ -43,7 +43,6 @@ def impact_on_plane(touch: small.Touch, solid: Solid, radius: float, *motion: Fl
 
 
 def impact_at(solid: Solid, angle: Floats) -> Impact:
-    """Test 4 at angles of incidence [deg]."""
     touch, turn = small.touch_of(solid, None, RESTITUTION, FRICTION), np.radians(angle)
     return impact_on_plane(touch, solid, RADIUS, SPEED * np.cos(turn), SPEED * np.sin(turn), 0.0 * turn)
 
@@ -61,7 +60,6 @@ def scenes(impact: Impact, per_contact: int = PER_CONTACT) -> list[Setup]:
 
 
 def simulated(impacts: list[Impact], precision: Precision, per_contact: int = PER_CONTACT) -> list[Rebound]:
-    """The impacts simulated in one ensemble."""
     setups = [setup for impact in impacts for setup in scenes(impact, per_contact)]
     # with e = 0.5 the damped contact outlasts the elastic one by less than half of it
     ends = small.final_states(setups, [1.8 * per_contact * setup.time_step for setup in setups], precision)
@@ -201,7 +199,6 @@ def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -
 
 
 def linear(grains: GrainTable | Snapshot) -> Floats:
-    """Linear momentum [kg m s-1]."""
     return grains.mass @ grains.velocity
 
 

@@ -93,8 +93,6 @@ WORK_LOST = 3.3412907  # of pi gamma L^2: from touch to tear [1]
 
 @dataclass(frozen=True)
 class AdhesivePair:
-    """Two adhesive bodies."""
-
     young: float  # E*, Pa
     radius: float  # R*, m
     mass: float  # m*, kg
@@ -117,7 +115,6 @@ class AdhesivePair:
 
     @property
     def work_lost(self) -> float:
-        """Energy that a bounce costs [J]."""
         return WORK_LOST * pi * self.energy * self.length**2
 
     @property

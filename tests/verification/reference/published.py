@@ -18,7 +18,6 @@ from taichi_erosion.core.setup import Floats
 
 
 def numbers(words: str) -> Floats:
-    """Numbers separated by blanks."""
     return np.array(words.split(), dtype=np.float64)
 
 

@@ -67,7 +67,6 @@ class GrainMomentum(NamedTuple):
 
 
 def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
-    """Momentum of a replica's grains."""
     first = (2 * replica + int(sim.world.replicas.side[replica])) * sim.capacities.grains
     rows = slice(first, first + len(sim.setups[replica].grains.mass))
     mass = 1.0 / download_field(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]

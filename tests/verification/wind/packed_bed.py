@@ -51,7 +51,6 @@ def lattice_setup(superficial: float) -> Setup:
 
 
 def poured_setup() -> Setup:
-    """Grains that settle on a floor."""
     rng = np.random.default_rng(11)
     side = SPACING * DIAMETER * POURED[0]
     place = np.stack(np.meshgrid(*map(np.arange, POURED), indexing="ij"), axis=-1).reshape(-1, 3) + 0.55
@@ -89,8 +88,6 @@ def fixed_bed() -> Iterator[Outcome]:
 
 @dataclass(frozen=True)
 class Bed:
-    """The poured bed as it lies."""
-
     void: Floats  # of its layers [1]
     height: Floats  # of its layers [m]
     pressure: float  # weight less buoyancy over area [Pa]

@@ -155,7 +155,6 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
 
 
 def steady(size: float, patch: Patch) -> Scene:
-    """Grains that blow in one wind."""
     change = {"until": "time", "friction_velocity": patch.wind}
     adjust = [change | {"name": f"adjust_{k}", "duration_max": ADJUST} for k in range(ADJUSTMENTS)]
     stages = [SETTLE, START, *adjust, change | {"name": "blow", "duration_max": BLOW}]
