@@ -81,7 +81,7 @@ class TestedRow:
     emulator: ObservableEmulator
     measure: SceneMeasure
     at: Numbers  # conditions by dotted path
-    condition_values: Numbers  # likewise by name
+    by_name: Numbers  # likewise by name
 
     def point(self, setting: Setting) -> Point:
         """What is simulated for it; rows that differ in nothing that a run reads share a point."""
@@ -139,10 +139,8 @@ class FreshSimulator:
             group, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
             for k, row in enumerate(map(int, rows)):
                 at, measure = row_at(columns, k), scene.simulator.measures[name]
-                condition_values = {
-                    key: float(each[k]) for key, each in conditions.items() if np.isfinite(each[k])
-                }
-                tested.append(TestedRow(row, observable, place, emulator, measure, at, condition_values))
+                by_name = {key: float(each[k]) for key, each in conditions.items() if np.isfinite(each[k])}
+                tested.append(TestedRow(row, observable, place, emulator, measure, at, by_name))
                 group.setdefault(tuple(sorted(at.items())), []).append(row)
         ranked = (sorted(g.values(), key=lambda rows: -float(weight[rows].sum())) for g in groups.values())
         chosen = {row for sets in ranked for rows in sets[:MOST_SETS] for row in rows}
@@ -252,4 +250,4 @@ class SettingRows:
         sizes = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, sizes)
         numbers, row = map(float, (sizes[0], sd[0], sizes[1], sd[1])), tested[worst]
-        return GapPart((), row.observable.name, row.condition_values, *numbers, p=p)
+        return GapPart((), row.observable.name, row.by_name, *numbers, p=p)

@@ -226,7 +226,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         share = sum(p for names, p in sets.items() if names >= max(sets, key=lambda each: sets[each]))
         chance = say.probability_text(share)
         words = f"One explanation has probability {chance}; measurements are proposed where more are left."
-        if record.refuted:
+        if record.refuted and record.verdict == "none_detected":
             words = f"The rows do not agree with the likeliest explanation (probability {chance})."
         elif share < SURE:
             words = "No measurement in the present ranges separates the explanations."
